@@ -1,4 +1,4 @@
-"""Mutual information of plans against that of all states and measurements at once, and the laws that it keeps."""
+"""Mutual information of plans against that of all states and measurements at once."""
 
 import dataclasses
 

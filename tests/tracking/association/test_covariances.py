@@ -1,4 +1,4 @@
-"""Covariances stay symmetric and positive definite, whatever happens to tracks, in whatever order, for however long."""
+"""Covariances stay symmetric and positive definite, whatever happens to tracks, in whatever order."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Association against every joint event written out, and against Stone Soup's JPDA."""
+"""Association and a whole tracker against Stone Soup's JPDA."""
 
 import math
 

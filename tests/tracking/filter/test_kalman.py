@@ -1,4 +1,4 @@
-"""Kalman filter: against filterpy and against the closed forms of linear Gaussian estimation."""
+"""Kalman filter: the model of the paper, stacks of beliefs, and filterpy."""
 
 import numpy as np
 import pytest

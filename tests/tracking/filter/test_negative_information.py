@@ -9,7 +9,7 @@ from helpers.particles import hidden, start
 from helpers.scenes import ABOVE, CAMERA, MOTION, play, scan, track, tracker
 from scipy import stats
 
-from tracking.filter.negative_information import miss_likelihood, negative_information_update, share_crossed
+from tracking.filter.negative_information import miss_likelihood, negative_information_update
 from tracking.geometry.camera import Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, Tree, visible_samples
@@ -132,15 +132,6 @@ def test_negative_information_hardly_depends_on_the_detection_probability(detect
         found, widths = believed(radius, speed, detection_probability=detection)
         assert np.max(np.abs(found - means) / deviations) < 0.8
         assert 0.7 < np.min(widths / deviations) and np.max(widths / deviations) < 1.4
-
-
-def test_people_cross_a_share_of_their_belief():
-    covariances = np.array([np.diag(row) for row in ([4.0, 4, 1, 1], [3.0, 0, 0, 2], [9.0, 9, 1, 1])])
-    means = np.array([[5.0, 5.0, 0.0, 0.0], [0.0, 0.0, 3.0, 4.0], [1.0, 0.0, 0.0, 4.0]])
-    expected = [0.2 * math.sqrt(v / w) for v, w in ((2, 8), (2 + 0.35**2 * 25, 3), (2 + 0.35**2 * 16, 18))]
-    for elapsed in (0.2, 1.5):
-        found = [share_crossed(*belief, elapsed) for belief in zip(means, covariances, strict=True)]
-        np.testing.assert_allclose(found, elapsed / 0.2 * np.array(expected), rtol=1e-12)
 
 
 def test_a_frame_counts_in_full_beyond_the_last_frames_view():

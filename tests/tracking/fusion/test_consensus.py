@@ -1,4 +1,4 @@
-"""Consensus: the average it tends to, how fast, and ids that agree without a server."""
+"""Consensus: weights of what neighbours send, and ids that agree without a server."""
 
 import itertools
 import math
@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.graphs import SCAN, exchange, graph, message, metropolis
-from helpers.information import information_form
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
@@ -105,27 +104,6 @@ def test_a_fleet_without_tracks_agrees_on_that(columns):
     members = [Heard(replace(m, novel=np.zeros((0, columns)))) for m in said]
     fuse(members, graph("complete", 3), 2)
     assert [(m.left.shares.shape, m.left.times.shape) for m in members] == [((0, 22), (0, 4))] * 3
-
-
-def team(means, covariances, adjacency: np.ndarray, weights=None) -> list[Message]:
-    """One track, the same id, held by all."""
-    weights = np.ones(len(means)) if weights is None else weights
-    return [
-        message(i, [7], means[i], covariances[i], degree=int(row.sum()), weight=weights[i])
-        for i, row in enumerate(adjacency)
-    ]
-
-
-@pytest.mark.parametrize("weights", [[1.0] * 5, [1.0, 0.25, 1e-9, 0.5, 0.7]], ids=["all see", "weights"])
-@pytest.mark.parametrize("kind", ["complete", "ring", "line"])
-def test_consensus_converges_to_the_information_average_by_the_weight_of_what_uavs_saw(kind, weights):
-    adjacency = graph(kind, 5)
-    means, covariances = beliefs(np.random.default_rng(0), 5)
-    q, omega = (np.average(part, axis=0, weights=weights) for part in information_form(means, covariances))
-    for m in exchange(team(means, covariances, adjacency, weights), adjacency, 200):
-        mean, covariance = m.beliefs
-        np.testing.assert_allclose(covariance[0], np.linalg.inv(omega), rtol=1e-9, atol=1e-12)
-        np.testing.assert_allclose(mean[0], np.linalg.solve(omega, q), rtol=1e-9)
 
 
 def test_pairs_agree_at_once_on_the_smaller_id_and_a_lone_uav_keeps_its_message():

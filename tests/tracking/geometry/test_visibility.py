@@ -1,4 +1,4 @@
-"""Line of sight against dense sampling, probability of detection at its limits, and what holds for any scene."""
+"""Line of sight against dense sampling, and probability of detection at its limits and against sampling."""
 
 import math
 

@@ -133,17 +133,6 @@ def test_ospa2_equals_enumeration_of_all_pairings(p):
         assert ospa2(X, Y, c, p).distance == pytest.approx(best, rel=1e-12, abs=1e-12)
 
 
-def test_ospa2_of_one_instant_is_ospa():
-    rng = np.random.default_rng(3)
-    for X, Y, c, p in random_pairs(100, seed=4):
-        np.testing.assert_allclose(ospa2(X[None], Y[None], c, p), ospa(X, Y, c, p), rtol=1e-12)
-        order = rng.permutation(len(X))
-        np.testing.assert_allclose(ospa2(X[None, order], Y[None], c, p), ospa(X, Y, c, p), rtol=1e-12)
-    rng = np.random.default_rng(5)
-    X, Y = random_trajectories(rng, 9), random_trajectories(rng, 9)
-    assert ospa2(X[:1], Y[:1]).distance == ospa(*(Z[0][~np.isnan(Z[0, :, 0])] for Z in (X, Y))).distance
-
-
 @pytest.mark.parametrize("distance", [ospa, gospa])
 @pytest.mark.parametrize("wrong", [[0.0, 0.0], [[0, 0, 0]]])
 def test_positions_of_other_shapes_are_refused(distance, wrong):
