@@ -36,7 +36,7 @@ class Recording:
     """
 
     version: Annotated[int, "<i8", ""]
-    scenario: Annotated[str, "<U", ""]  # JSON of `resolved`
+    scenario: Annotated[str, "<U", ""]  # JSON, from `encode_scenario`
     planner: Annotated[str, "<U", ""]
     seed: Annotated[int, "<U", ""]  # text, as a seed may have more than 64 bits
     interrupted: Annotated[bool, "|b1", ""]
