@@ -13,7 +13,7 @@ from helpers.teams import Spy
 
 from planning.catalogue import PLANNERS
 from planning.objective.nbo import make_objective
-from planning.oracle import _UNKNOWN, FoundOracle, Oracle, _TruePaths, correct_tracks, make_true_tracks
+from planning.oracle import _UNKNOWN, FoundOracle, _TruePaths, correct_tracks, make_true_tracks
 from planning.planner_loading import load_planner
 from planning.prediction.propagation import Nominal
 from sim.facts.metrics.summary import make_results_table
@@ -60,30 +60,6 @@ def test_situations_hold_no_truth_even_when_an_oracle_flies():
     assert not mission_of(load_scenario("forest", [*SHORT]), "sma-nbo-mwtp", 0).sees_truth
 
 
-def walking(team, rng):
-    """Straight walkers on dyadic numbers, so that no arithmetic rounds, and a team with right tracks."""
-    start, velocity = np.round(64 * rng.uniform(-20, 20, (4, 2))) / 64, np.round(64 * rng.uniform(-1, 1, (4, 2))) / 64
-    tracks = tuple(
-        Track(t.id, Gaussian(np.concatenate([start[k], velocity[k]]), t.belief.covariance))
-        for k, t in enumerate(team[0].tracks)
-    )
-    return [dataclasses.replace(s, tracks=tracks) for s in team], lambda time: start + time * velocity
-
-
-def test_where_tracks_are_right_and_people_walk_straight_the_oracle_knows_nothing_more(random_team, monkeypatch):
-    """Judged at the true place alone, it predicts what follows from the tracks, to the bit."""
-    monkeypatch.setattr("planning.oracle._ABOUT", 0.0)
-    for seed in range(4):
-        rng = np.random.default_rng(seed)
-        team, people = walking(random_team(seed), rng)
-        believed = Nominal().predict(team[0], 5, rng)
-        known = _TruePaths(people).predict(
-            dataclasses.replace(team[0], tracks=make_true_tracks(team[0], people, 5)), 5, rng
-        )
-        np.testing.assert_array_equal(known.points, np.repeat(believed.points, 5, axis=2))
-        np.testing.assert_array_equal(known.covariances, believed.covariances)
-
-
 def test_a_persons_second_moment_is_of_the_track_at_the_least_total_distance(random_team):
     situation = random_team(1)[0]
     means = np.array([t.belief.mean for t in situation.tracks])
@@ -122,6 +98,8 @@ def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(rando
     np.testing.assert_array_equal(view.points[:, 0, 0, :2], [circle(3.0 + k)[0] for k in range(1, 5)])
     np.testing.assert_array_equal(view.points[:, 1, 0, :2], [[4, 1], [5, 1], [5, 1], [5, 1]])
     np.testing.assert_array_equal(view.points[..., 2], TARGET_HEIGHT)
+    believed = Nominal().predict(situation, 4, np.random.default_rng(0))
+    np.testing.assert_array_equal(view.covariances, believed.covariances)
     about = view.points[..., :2] - view.points[:, :, :1, :2]  # five places, 0.5 m about the true one along each axis
     np.testing.assert_allclose(about.mean(axis=2), 0.0, atol=1e-9)
     np.testing.assert_allclose(
