@@ -81,9 +81,7 @@ def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path, without
             {"scenario": Scenario(people=People(stay=object))},
             "scenario: <class 'object'> is not allowed; expected plain values",
         ),
-        ({"planner": dict}, "planner: dict is a class; give an object of it"),
         ({"planner": 3}, r"planner: 'int' has no method plan\(team, rng\)"),
-        ({"repeat": -1}, "repeat: -1 is not allowed; expected an integer, 0 to 9999"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
@@ -136,14 +134,10 @@ def test_an_error_of_a_planner_names_no_scenario_file(tmp_path):
     ("arguments", "message"),
     [
         ({"planners": [object]}, "planners: .*<class 'object'>.* is not allowed; expected text"),
-        ({"scenarios": Scenario()}, "scenarios: Scenario(.*) is not allowed; expected text"),
         ({"seeds": "0-9"}, r"seeds: '0-9' is not allowed; expected several integers, such as range\(10\)"),
-        ({"seeds": 3}, "seeds: 3 is not allowed"),
         ({"seeds": [True]}, "seed: True is not allowed; expected an integer, 0 to 3402823669"),
         ({"seeds": count()}, "seeds: .* at most 100000 are allowed"),
-        ({"repeats": 0}, "repeats: 0 is not allowed; expected an integer, 1 to 10000"),
         ({"workers": -1}, "workers: -1 is not allowed; expected an integer, 1 to 1024"),
-        ({"workers": 0}, "workers: 0 is not allowed"),
     ],
 )
 def test_what_cannot_be_compared_is_refused_in_one_line(arguments, message):

@@ -188,20 +188,6 @@ def test_an_oracle_of_the_people_found_goes_to_those_it_lost_and_to_nobody_else(
     assert shift[0] > shift[1] + 10.0
 
 
-def test_the_oracle_alone_searches_for_a_person_without_a_track():
-    """All tracks are wrong by 30 m, in the open: the oracle goes to where people are."""
-
-    class Lost(Oracle):
-        def knowing(self, people):
-            return super().knowing(lambda time: people(time) + np.array([30.0, 0.0]))
-
-    setting = load_scenario("forest", [*SHORT, "duration=6", "trees.density=0"])
-    away = [Mission(setting, planner, 0) for planner in (Lost(cutoff=10.0, beta=0.0), load_planner("oracle"))]
-    east = [list(m.fly())[-1].poses for m in away]
-    shift = [np.mean([p.position[0] for p in poses]) for poses in east]
-    assert shift[0] > shift[1] + 10.0
-
-
 def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch, without_pictures):
     titles = []
 

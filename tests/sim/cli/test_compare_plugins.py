@@ -3,17 +3,9 @@
 import sys
 
 import pytest
-from helpers.studies import Serial
 
 FLAGS = ["--duration", "1", "--set", "sensing.mode=ideal"]
 MODULE = """
-from planning.planner import Exchange
-from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.tracker import Tracker
-
-made = []
-
-
 class Stepless:
     def __init__(self, *given): pass
 
@@ -24,18 +16,6 @@ class Raising:
 
 class Forgetful:
     stateful = True
-
-    def plan(self, team, rng): return []
-
-
-class Counted(Tracker):
-    def __init__(self, *given):
-        made.append("tracker")
-        super().__init__(*given)
-
-
-class Planner:
-    exchange = property(lambda self: made.append("planner") or Exchange())
 
     def plan(self, team, rng): return []
 """
@@ -73,22 +53,3 @@ def test_trackers_planners_and_levels_that_cannot_be_made_are_refused_too(refuse
     (tmp_path / "mine.toml").write_text(STUDY)
     told = refused("compare", "mine.toml", *FLAGS)
     assert told.startswith("understory: mine.toml: factors.rule.theirs: network.fusion: 'theirs:Stepless' has no")
-
-
-def test_plug_ins_are_made_once_for_each_setting_and_planner_and_not_for_trials(compare):
-    flags = ["--tracker", "theirs:Counted", "--seeds", "0-3", "--repeats", "3", *FLAGS]
-
-    def counts(*more):
-        """Numbers of trackers and of planners made, and of trials flown."""
-        executor = Serial({"no planner": []})  # invents its rows, so that all that is made is made before the flights
-        assert compare("--planner", "theirs:Planner", *flags, *more, executor=executor)[0] == 0
-        made = sys.modules["theirs"].made
-        trackers, planners = made.count("tracker"), made.count("planner")
-        made.clear()
-        return trackers, planners, len(executor.flown)
-
-    assert counts() == (3, 1, 12)  # three UAVs
-    assert counts() == (0, 0, 0)  # all trials are in the store
-    assert counts("--redo") == (3, 1, 12)
-    assert counts("--planner", "hover") == (3, 0, 12)
-    assert counts("--planner", "hover", "--tracker", "jpda") == (0, 1, 24)  # both planners in the new setting

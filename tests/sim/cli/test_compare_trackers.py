@@ -3,16 +3,13 @@
 import pytest
 from helpers.trials import row
 
-from sim.study.analysis.answers import find_answers
 from sim.study.analysis.groups import group_rows
 from sim.study.analysis.labels import find_baseline, parse_labels, shorten_labels
-from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.cells import add_trackers, list_cells
 from sim.study.definition import Study
 from tracking.errors import InputError
 
 MINE = "mine:Mine"
-MEAN = find_shown_metric("ospa.mean_m")
 FLAGS = ["--duration", "1", "--set", "sensing.mode=ideal", "--seeds", "0,1", "--metric", "ospa.mean_m"]
 SAME = "from tracking.tracker import Tracker\n\n\nclass Same(Tracker):\n    pass\n"
 
@@ -26,22 +23,6 @@ def rows(planners=("greedy",), trackers=("jpda", MINE), levels=(("L", "3"), ("L"
         for t in trackers
         for seed in (0, 1)
     ]
-
-
-def test_differences_of_trackers_are_paired_by_map():
-    baseline = find_baseline(rows(), "jpda")
-    found = find_answers(group_rows(rows(), baseline), [MEAN], baseline)
-    assert baseline == "greedy(tracker=jpda)"
-    assert [(a.cell, a.planner) for a in found] == [
-        ((("L", "3"),), "greedy(tracker=jpda)"),
-        ((("L", "3"),), "greedy(tracker=mine:Mine)"),
-        ((("L", "5"),), "greedy(tracker=jpda)"),
-        ((("L", "5"),), "greedy(tracker=mine:Mine)"),
-        (None, "greedy(tracker=mine:Mine)"),
-    ]
-    for answer in found[1::2]:
-        gap = answer.difference
-        assert (gap.mean.value, gap.pairs, gap.won) == (-0.375, 2, 2)
 
 
 def test_labels_of_planners_and_trackers_say_what_differs():

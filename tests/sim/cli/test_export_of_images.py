@@ -64,14 +64,11 @@ def test_a_setting_of_the_user_counts_more_than_random_appearance(call):
 
 WRONG = {
     "scenario without seeds": ("forest --to coco", "DIR: forest does not exist; ", "--seeds 0-9"),
-    "one broken recording": ("a broken --to coco", "broken", "holds no mission.npz"),
     "flight from elsewhere": ("a real.npz --to coco", "DIR: real.npz was not flown here", "expected a mission"),
     "unknown seed": ("a b --to coco --val 3", "--val: no flight has the seed 3; allowed are 1, 2", ""),
     "seed in two splits": ("a b --to coco --val 2 --test 1-2", "--test: 2 is in --val, too", "one of them"),
-    "planner of recordings": ("a --to coco --planner hover", "--planner: only allowed together with --seeds", ""),
     "split of tables": ("a --to csv --val 1", "--val: not allowed together with --to csv", "--to coco and yolo"),
     "several recordings as tables": ("a b --to csv", "DIR: 'b' is one too many", "one recording"),
-    "unknown format": ("a --to coko", "--to: 'coko' is unknown", "did you mean coco?"),
 }
 
 

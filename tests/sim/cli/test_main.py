@@ -5,7 +5,7 @@ import re
 from importlib.metadata import version
 
 import pytest
-from helpers.flown_pages import eventful, lost_between_tenths
+from helpers.flown_pages import eventful
 from helpers.processes import python
 from helpers.recordings import record
 
@@ -115,12 +115,6 @@ def test_a_mission_is_explained_by_its_losses_and_a_person_scan_by_scan(call, tm
     assert told == [[when, text] for when, text in zip(times, texts, strict=True)]
     assert "All of person 0: understory explain . --target 0\n" in out
     assert "  lost  " not in out and "  lost  " in call("explain", ".", "--target", "0")[1]
-
-
-def test_the_command_to_the_longest_loss_names_its_scan(call, tmp_path):
-    save(lost_between_tenths(), tmp_path / "mission.npz")
-    code, out, err = call("explain", ".")
-    assert (code, err) == (0, "") and "understory explain . --target 0 --time 0.15\n" in out
 
 
 def test_help_imports_nothing_heavy(tmp_path):

@@ -13,93 +13,59 @@ FILES = {
     "broken.toml": b"duration = = 3",
     "nocsv.toml": b'[people]\ntrajectories = "nope.csv"',
     "bad.csv": b"t,id,x,y\n0,1,0,zero\n1,1,1,1\n",
-    "binary.toml": b"\xff\xfe\x00",
     "dense.toml": b"study.planners = ['hover']\nfactors.L.160.trees.density = 160",
     "bare.toml": b"planners = ['hover']",
     "grove.toml": b"trees.densty = 3",
     "far.toml": b"uavs = [{start = [900, 0]}]",
     "wood.toml": b"trees.density = 160",
-    "woods.toml": b"study = {planners = ['hover'], scenarios = ['forest', 'wood.toml']}",
     "full/summary.json": b"{}",
-    "other/file": b"",
     "there.mp4": b"mine",
 }
 WRONG = {
     # commands and options
     "rum": "'rum' is unknown; ... did you mean run?",
     "run --sead 3": "--seed",
-    "run forest grove": "grove",
     "run --out": "--out",
     "run --planner hover --planner greedy": "--planner: given more than once",
     # scenarios and their files
     "run forrest": "scenario: 'forrest' is unknown; ... did you mean forest?",
-    "run groves.toml": "scenario: there is no file groves.toml; did you mean grove.toml?",
-    "run forest.toml": "no file forest.toml; did you mean forest, which is packaged?",
     "run full": "scenario: 'full'",
     "run broken.toml": "broken.toml: ...line 1",
-    "run binary.toml": "binary.toml",
     "run grove.toml --set trees.density=3": "understory: grove.toml: trees.densty: unknown key; ... mean density?",
     "run far.toml": "far.toml: uavs.0.start: [900.0, 0.0]...|x| <= 75 and |y| <= 50 m",
     "run wood.toml": "understory: wood.toml: trees.density = 160: ... lower the",
     "run nocsv.toml": "people.trajectories: ...nope.csv...No such file",
-    "run --set people.trajectories=bad.csv": "bad.csv, line 2, column y: 'zero'",
     # values
     "run --duration 1mins": "--duration: ...'1mins'... did you mean min?",
-    "run --duration inf": "--duration: 'inf'",
     "run --duration 5 --set duration=4": "--duration: not allowed together with --set duration",
-    "run --set duration=4 --set duration=5": "--set: duration is given more than once",
     "run --set trees.density": "--set: 'trees.density' ...key=value",
     "run --set seed=3": "seed: unknown key; ...an option: --seed",
-    "run --set trees.density=9000": "trees.density = 9000: no more than 203",
-    "run --seed -1": "--seed: '-1' is not allowed; expected an integer, 0 to 3402823669",
     "run --planner hoover": "planner: 'hoover' is unknown; ... did you mean hover?",
-    "run --planner mine": "'mine' ...package.module:Class",
     "run --set sensing.detector=blop": "sensing.detector: 'blop' is unknown; ... did you mean blob?",
     # places
     "run --out full": "--out: full already holds a run",
-    "run --out other": "--out: other ...not an empty folder",
     "run --out /proc/a/run": "--out: /proc/a/run cannot be written",
-    "run --out ''": "--out: ...the name of a new folder",
-    "export full --to cvs": "--to: 'cvs' is unknown; ... did you mean csv?",
     "export full --to csv": "DIR: full holds no mission.npz",
     # comparisons
     "compare paper-horizn": "study: 'paper-horizn' is unknown; ... did you mean paper-horizon?",
     "compare bare.toml": "unknown key; it is not part of a scenario, but one of a study",
-    "compare --seeds 9-0": "--seeds: '9-0' ...0-9 or 0,3,7",
-    "compare --repeats 0": "--repeats: '0' is not allowed; expected an integer, 1 to 10000\n",
     "compare --workers 2 --dask tcp://a:1": "--workers: not allowed together with --dask",
     "compare --dask nonsense://x": "--dask: 'nonsense://x' does not answer",
-    "compare --keep recording": "--keep: 'recording' is unknown; ... did you mean recordings?",
-    "compare --label short": "--label: 'short' ...label=planner",
-    "compare --label a=hover --label a=greedy": "--label: 'a' would stand for two",
-    "compare bench-1 --scenario forrest": "--scenario: 'forrest' is unknown; ... did you mean forest?",
     "compare faults --set network.loss=0.1": "network.loss is what factor 'fault'",
-    "compare --set trees.density=160 --tracker jpda": "understory: trees.density = 160",
     "compare dense.toml": "dense.toml: factors.L.160: trees.density = 160",
-    "compare woods.toml": "understory: woods.toml: wood.toml: trees.density = 160: ",
     "compare --out newer": f"store of version {SCHEMA + 1}... reads {SCHEMA}",
     "compare --out run": "--out: run holds a mission; allowed is a new folder",
     "compare --out bad.csv": "--out: bad.csv is not a folder; allowed is a new folder, or that of a study\n",
     # recordings
     "frames nowhere --uav 0 --time 1": "DIR: nowhere does not exist",
-    "frames run --time 1": "--uav",
     "frames run --uav 3 --time 1": "--uav: '3' ...0 to 2",
     "frames run --uav 0 --time 1:50": "--time: 50 s ...0 to 2 s",
-    "frames run --uav 0 --time 2:1": "--time: '2:1' ...no T2 before T",
-    "frames run --uav 0 --time noon": "--time: 'noon' ...1.5min",
     "frames run --uav 0 --time 1.05:1.1": "--time: ...no scan... 1, 1.2 s",
-    "frames run --uav 0 --time 1 --size 9": "--size: '9' ...256 to 4096",
     "replay run --gui --video": "--gui: ...--video; ...one at a time",
     "replay run --page --speed 2": "--speed: not ...belongs to --video and --gui\n",
-    "replay run --layout cameraz": "--layout: 'cameraz' ...cameras",
-    "replay run --speed fast": "--speed: 'fast' ...0.05 to 20",
-    "replay run --time 1": "--time: '1' ...12:20",
     "replay run --out a.gif": "--out: 'a.gif' ... ends in .mp4",
     "replay run --out there.mp4": "--out: there.mp4 exists; name a new file",
-    "replay run --out no/a.mp4": "--out: no/a.mp4 cannot be written: there is no folder no",
     "explain run --time 1": "--target: missing",
-    "explain run --time 1 --target 4": "--target: '4' is not ...an integer, 0 to 3",
-    "explain run --time 0:1 --target 0": "--time: '0:1' is not allowed; expected one time",
     "explain none --target 0": "--target: '0' is not allowed; no person walked in this mission\n",
 }
 
@@ -108,7 +74,7 @@ WRONG = {
 def folder(tmp_path_factory):
     """A folder with wrong files, a newer store, and a recording of 2 s; no command here may change it."""
     folder = tmp_path_factory.mktemp("refusals")
-    for name in ("full", "other", "newer", "run", "none"):
+    for name in ("full", "newer", "run", "none"):
         (folder / name).mkdir()
     for name, content in FILES.items():
         (folder / name).write_bytes(content)

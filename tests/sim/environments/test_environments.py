@@ -4,7 +4,6 @@ import copy
 import itertools
 import subprocess
 import sys
-import warnings
 from functools import partial
 
 import gymnasium
@@ -158,17 +157,13 @@ def test_a_teams_reward_and_infos_are_means_over_the_uavs_that_work():
 
 KNOWN = "gospa, true_gospa, trace"
 TEAM = partial(gymnasium.make, "understory/Forest-v0")
-SIZES = {"settings": {"uavs.1.pixels": 64}, "observe": {"image": True}}
 # How the message begins, what is made, and of what.
 REFUSED = [
     ("scenario: 'forst' is unknown; allowed are ", understory.parallel_env, {"scenario": "forst"}),
-    ("people.cuont", understory.parallel_env, {"settings": {"people.cuont": 3}}),
     (f"reward: 'gopsa' is unknown; allowed are {KNOWN}; did you mean gospa?", TEAM, {"reward": "gopsa"}),
     ("observe: 'image' is not allowed; expected a dict with keys of tracks, trees", TEAM, {"observe": "image"}),
-    ("observe: trees 0 is not allowed; expected an integer, 1 to 10000", TEAM, {"observe": {"trees": 0}}),
     ("observe: image 1 is not allowed; expected True or False", TEAM, {"observe": {"image": 1}}),
     ("observe: there is no image with sensing.mode 'ideal'", TEAM, {"settings": IDEAL, "observe": {"image": True}}),
-    ("observe: images of several sizes are not one array", TEAM, SIZES),
     ("duration: 0.5 s is too short; an episode needs two decisions", TEAM, {"settings": {"duration": 0.5}}),
 ]
 
@@ -218,6 +213,8 @@ def test_a_refused_reset_leaves_episode_and_generator_alone():
     for wrong in ({"seed": True}, {"options": {"repeat": -1}}, {"options": {"settings": {"trees.densty": 3}}}):
         with pytest.raises(InputError):
             env.reset(**wrong)
+    with pytest.raises(InputError, match=r"^options: settings of other area, uavs or pixels need an environment of"):
+        env.reset(seed=0, options={"settings": {"area.width": 300}})
     given = dict.fromkeys(env.agents, FINE)
     assert equal(env.step(given), other.step(given)) and equal(env.reset(), other.reset())
 
@@ -253,7 +250,6 @@ def test_a_reward_that_is_no_finite_number_is_refused(given):
 FINE = np.zeros(2)
 ACTIONS = {
     "action of UAV 1: of shape (3,) is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.zeros(3)},
-    "action of UAV 1: [nan, 0.0] is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.array([np.nan, 0.0])},
     "action of UAV 1: 'north' is not two numbers in [-1, 1]": {"uav_1": "north"},
     "actions: 'uav_7' is unknown; allowed are uav_0, uav_1, uav_2; did you mean uav_2?": {
         "uav_1": FINE,
@@ -337,14 +333,6 @@ def test_what_no_uav_can_know_changes_no_observation_reward_or_image(settings, m
     assert all(equal(one, other) for one in shown for other in shown)
 
 
-def test_an_option_that_is_unknown_is_told_of():
-    env = understory.parallel_env("forest", settings=IDEAL)
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        env.reset(seed=0, options={"repaet": 1})
-    assert "'repaet' is unknown and has no effect; allowed are repeat, settings" in str(told[0].message)
-
-
 def test_actions_of_uavs_that_have_broken_down_are_ignored():
     """Wrappers pass actions of all possible agents."""
     settings = {**IDEAL, "uavs.0.fails_at": 0, "uavs.1.fails_at": 1.5}
@@ -360,23 +348,6 @@ def test_actions_of_uavs_that_have_broken_down_are_ignored():
         assert equal(team.step(rows), same.step(np.nan_to_num(rows)))
         dead |= set(env.possible_agents) - set(env.agents)
     assert dead == set(env.possible_agents)
-
-
-def boxes(space):
-    return (
-        [space] if isinstance(space, gymnasium.spaces.Box) else [box for each in space.values() for box in boxes(each)]
-    )
-
-
-def test_every_space_is_a_box_and_masks_are_zeros_and_ones():
-    for env in (understory.parallel_env("forest", settings=IDEAL), TEAM(settings=IDEAL)):
-        env.reset(seed=0)
-        space = env.observation_space("uav_0") if hasattr(env, "possible_agents") else env.observation_space
-        assert len(boxes(space)) == len(space)
-        masks = {name: box for name, box in space.items() if name.endswith("_mask") or name == "working"}
-        assert len(masks) >= 3
-        for box in masks.values():
-            assert box == gymnasium.spaces.Box(0, 1, box.shape, np.int8)
 
 
 def test_a_flat_observation_is_all_arrays_one_after_another_in_order_of_their_names():
@@ -419,20 +390,6 @@ def test_an_episode_has_the_settings_of_its_reset_and_the_next_one_has_not(scena
     assert team.unwrapped.flight().scenario == own.flight().scenario
 
 
-NOT_OF_AN_EPISODE = {
-    "options: settings of other area, uavs or pixels need an environment of their own": {"area.width": 300},
-    "people.cuont: unknown key": {"people.cuont": 3},
-}
-
-
-@pytest.mark.parametrize("message", NOT_OF_AN_EPISODE)
-def test_settings_that_no_episode_can_have_are_refused(message):
-    for env in (understory.parallel_env("forest", settings=IDEAL), TEAM(settings=IDEAL)):
-        with pytest.raises(InputError) as refused:
-            env.reset(seed=0, options={"settings": NOT_OF_AN_EPISODE[message]})
-        assert str(refused.value).startswith(message)
-
-
 def test_a_saved_episode_is_explained_replayed_and_exported(call, tmp_path):
     env = understory.parallel_env("forest", settings={**IDEAL, "uavs.1.fails_at": 1.5})
     env.reset(seed=2**100, options={"settings": {"people.count": 2}})
@@ -452,3 +409,25 @@ def test_a_saved_episode_is_explained_replayed_and_exported(call, tmp_path):
         assert (tmp_path / arguments[-1]).exists()
     with pytest.raises(InputError, match=r"^path: .* cannot be written: No such file or directory$"):
         flight.save(tmp_path / "nowhere" / "episode.npz")
+
+
+def boxes(space):
+    return (
+        [space] if isinstance(space, gymnasium.spaces.Box) else [box for each in space.values() for box in boxes(each)]
+    )
+
+
+def test_every_space_is_a_box_and_masks_are_zeros_and_ones():
+    for env in (understory.parallel_env("forest", settings=IDEAL), TEAM(settings=IDEAL)):
+        env.reset(seed=0)
+        space = env.observation_space("uav_0") if hasattr(env, "possible_agents") else env.observation_space
+        assert len(boxes(space)) == len(space)
+        masks = {name: box for name, box in space.items() if name.endswith("_mask") or name == "working"}
+        assert len(masks) >= 3
+        for box in masks.values():
+            assert box == gymnasium.spaces.Box(0, 1, box.shape, np.int8)
+
+
+def test_an_option_that_is_unknown_is_told_of():
+    with pytest.warns(UserWarning, match="'repaet' is unknown and has no effect; allowed are repeat, settings"):
+        understory.parallel_env("forest", settings=IDEAL).reset(seed=0, options={"repaet": 1})

@@ -67,17 +67,6 @@ def test_own_state_and_neighbours_come_with_their_velocities(teams):
                 np.testing.assert_allclose(row[:5], [*(vehicle.position - own.position), *flown], rtol=1e-6, atol=1e-6)
 
 
-def test_a_time_unseen_grows_while_no_camera_sees_the_person(teams):
-    seen = {}
-    grown = 0
-    for situation in (team[0] for team in teams):
-        for track in situation.tracks:
-            assert track.sighting[2] >= seen.get(track.id, 0.0)
-            grown += seen.get(track.id) == track.sighting[2]
-            seen[track.id] = track.sighting[2]
-    assert grown and any(seen.values())
-
-
 def test_a_track_that_tells_no_sighting_is_unseen_since_the_start(teams):
     track = Track(0, Gaussian(np.zeros(4), np.eye(4)))
     assert math.isnan(track.sighting[2])

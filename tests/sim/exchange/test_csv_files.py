@@ -81,25 +81,15 @@ SEEN, FLOWN, TAKEN = (",".join(columns) for columns in (DETECTION_COLUMNS, POSE_
 # Reader, lines of a file, and what is said of them.
 WRONG = {
     "NaN": (read_detections, [SEEN, "0.2,0,1,nan,,,,,"], "line 2, column y_m: 'nan' is not a finite number"),
-    "half a place": (read_detections, [SEEN, "0,0,1,,,,,,"], "line 2, column y_m: is empty"),
-    "UAV": (read_detections, [SEEN, "0,-1,,,,,,,"], "line 2, column uav: '-1' is not an integer, 0 or more"),
     "no covariance": (
         *(read_detections, [SEEN, "0,0,1,2,0.1,0.2,0.1,,"]),
         "line 2, column xx_m2: xx_m2, xy_m2, yy_m2 of 0.1, 0.2, 0.1 are not positive definite",
     ),
-    "covariance alone": (read_detections, [SEEN, "0,0,,,1,0,1,5,5"], "column x_m: is empty, but the covariance is"),
     "no place": (read_detections, ["time_s,x,y", "1,1,1"], "line 1: names neither x_m and y_m nor u_px and v_px"),
-    "half a covariance": (read_detections, ["time_s,x_m,y_m,xx_m2", "1,1,1,1"], "xx_m2, xy_m2, yy_m2 belong together"),
     "twice": (read_detections, [SEEN, "0,0,1,2,,,,,", "0,0,1.0,2e0,,,,,"], "line 3, column time_s: the same detection"),
     "no frame": (read_detections, [SEEN], "holds no frame"),
     "no attitude": (read_poses, [FLOWN, "0,0,0,0,20,0,0,0,0"], "line 2, column qx: the quaternion's norm is 0, not 1"),
-    "no pose": (read_poses, [FLOWN], "holds no pose"),
     "two cameras": (read_cameras, [TAKEN, "1,60,128", "1,60,128"], "line 3, column uav: UAV 1 has a second row"),
-    "a column less": (
-        read_cameras,
-        ["uav,pixels", "0,64"],
-        "line 1: column fov_deg is missing; columns are uav,pixels",
-    ),
 }
 
 

@@ -35,14 +35,8 @@ def test_boxes_become_places_in_the_frames_of_their_images(tmp_path):
 
 WRONG = {
     "unknown image": (IMAGES, [{"image_id": 99, "bbox": [1, 2, 3, 4]}], "image_id 99 is not in images.json"),
-    "two sizes": (
-        [IMAGES[0], {**IMAGES[1], "width": 641}],
-        [],
-        "image 6: has another size than earlier images of UAV 0",
-    ),
     "no time": ([{"id": 1, "width": 9, "height": 9}], [], "images.json: Object missing required field `time_s`"),
     "not the camera's": ([{**IMAGES[0], "height": 500}], [], "images have 640 × 500 pixels, but the camera in cameras"),
-    "outside": (IMAGES, [{"image_id": 7, "bbox": [900, 2, 3, 3]}], "pixel (901.5, 3.5) of UAV 0 is outside its image"),
 }
 
 

@@ -123,10 +123,8 @@ def test_boxes_in_wide_images_become_places_on_the_ground(tmp_path):
     [
         ({"det": "0,1,1,1,5,5,1\n"}, "line 1, column frame: 0 is not allowed; frames count from 1"),
         ({"det": "1,1,1,1,-1,-1,1\n"}, "line 1, column width: a box of -1 × -1 pixels is none, and there is no place"),
-        ({"det": "1,1,1\n"}, "line 1: has 3 entries; expected 7 to 10"),
         ({"gt": "1,1,1,1,5,5,1\n1,1,1,1,5,5,1\n"}, "line 2, column id: 1 has another row of this frame in line 1"),
         ({"info": "[Sequence]\nseqLength=5\n"}, "seqinfo.ini: frameRate is missing"),
-        ({"info": "[Sequence]\nframeRate=5\n"}, "holds no frame"),
     ],
 )
 def test_a_sequence_that_cannot_be_is_refused_in_one_line(tmp_path, files, complaint):

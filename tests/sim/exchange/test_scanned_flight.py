@@ -115,7 +115,6 @@ def above(row, header=PLACES[1]):
     return {"poses": [header, *(row.format(t=t, i=i) for t in (0, 9) for i in (0, 1))]}
 
 
-ONE = {"poses": [PLACES[1], "0,1,0,0,9"], "detections": [SEEN, "0,1,1,1"], "cameras": ["uav,fov_deg,pixels", "1,60,9"]}
 TURNED = above("{t},{i},0,0,20,1,0,0,0", f"{PLACES[1]},qx,qy,qz,qw")
 REFUSED = {
     "are these nanoseconds?": {"detections": [SEEN, "0,0,1,1", "200000000,0,1,1", "0,1,1,1"]},
@@ -124,12 +123,10 @@ REFUSED = {
         "poses": [PLACES[1], "0,0,0,0,20", "9,0,0,0,20", "0,0,9,0,20"]
     },
     "only one of its poses and its cameras has UAV 1": {"poses": [PLACES[1], "0,0,0,0,20"]},
-    "has UAV 1; number UAVs from 0": ONE,
     "line 3: pixel (600, 64) of UAV 1 is outside its image of 128 × 128 pixels; does cameras.csv": {
         "detections": ["time_s,uav,u_px,v_px", "0,0,64,64", "0,1,600,64"]
     },
     "UAV 0 has two frames 0.2 s apart, at 0 s, in one scan of 2 Hz": {"scenario_toml": ["rates.sensing = 2"]},
-    'initial_tracks: "known" needs the people': {"scenario_toml": ["tracking.initial_tracks = 'known'"]},
     "UAV 0, column z_m: is 0 m in the median": above("{t},{i},0,0,0"),
     "looks above the horizon in each of its 2 frames; quaternions are xyzw": {
         **TURNED,

@@ -10,9 +10,7 @@ from helpers.recordings import broken, record
 import understory
 from sim.facts.metrics.holding import HOLDS, Holding, list_reports
 from sim.facts.people import STATES, PeopleFacts
-from sim.facts.sightings import find_inside_and_hiding, make_frame_facts
-from tracking.geometry.camera import ALL_ROUND, Camera, Pose
-from tracking.geometry.visibility import Forest, Tree
+from sim.facts.sightings import make_frame_facts
 
 
 @pytest.fixture(scope="module")
@@ -78,23 +76,6 @@ def test_a_lone_person_too_small_for_a_pixel_is_not_said_to_be_covered():
     np.testing.assert_array_equal([text == words for text in flight.people.view_texts(0)], unshown)
     k = int(unshown.argmax())
     assert make_frame_facts(flight.recording, k, 0).people[0].status == "not shown, though no tree is in the way"
-
-
-def test_each_tree_hides_by_itself():
-    rng = np.random.default_rng(0)
-    trees = tuple(Tree(*rng.uniform(-20, 20, 2), rng.uniform(1, 5)) for _ in range(20))
-    camera = np.array([0.0, 0.0, 20.0])
-    points = np.column_stack([rng.uniform(-25, 25, (200, 2)), np.full(200, 0.85)])
-    alone = np.stack([~Forest((tree,)).visible(camera, points)[0] for tree in trees], axis=1)
-    frame = Camera(ALL_ROUND, 128), Pose.level(*camera), points[:, :2]
-    inside, hiding = find_inside_and_hiding(*frame, Forest(trees))
-    np.testing.assert_array_equal(hiding, alone)
-    assert (
-        inside.all()
-        and alone.any()
-        and not alone.all()
-        and find_inside_and_hiding(*frame, Forest(()))[1].shape == (200, 0)
-    )
 
 
 def test_states_losses_and_holders_are_those_counted_by_hand(recording):

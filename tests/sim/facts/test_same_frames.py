@@ -8,7 +8,6 @@ from helpers import synthetic
 from helpers.flights import PAIR, filmed
 
 from sim.facts.rerender import Rerenderer
-from sim.installation import ASSETS
 from sim.mission.archive import load_recording, save
 from sim.sensing.renderer import capture
 from sim.world.world import World
@@ -27,20 +26,6 @@ APPEARANCE = {
     "camera": ("appearance.blur=0.5", "appearance.noise=4"),
     "all": ("appearance=full", "wind.velocity=[4,1]", "wind.gust=2", "uavs.1.rate=1", "uavs.0.fails_at=1.5"),
 }
-
-
-def normals(name):
-    lines = (ASSETS / "meshes" / f"{name}.obj").read_text().splitlines()
-    return np.array([line.split()[1:] for line in lines if line.startswith("vn ")], dtype=np.float32)
-
-
-@pytest.mark.parametrize("name", ["canopy", "trunk", "person", "quadrotor"])
-def test_the_engine_leaves_normals_as_they_are_when_it_normalises_them(name):
-    given = normals(name)
-    length = np.sqrt(given[:, 2] * given[:, 2] + given[:, 1] * given[:, 1] + given[:, 0] * given[:, 0])
-    assert given.dtype == length.dtype == np.float32
-    np.testing.assert_array_equal(given * (np.float32(1) / length)[:, None], given)
-    assert np.ptp(given, axis=0).min() > 0.5  # it has normals of many directions
 
 
 @pytest.mark.parametrize(("place", "quaternion"), ALTERNATED.values(), ids=ALTERNATED)

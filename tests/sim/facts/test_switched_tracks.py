@@ -7,16 +7,12 @@ import numpy as np
 import pytest
 from helpers.html_pages import Page
 from helpers.identities import standing_still, swapping
-from matplotlib.collections import PolyCollection
 
 from sim.facts.event import IDENTITIES, UNMATCHED, Event, assign_lanes
 from sim.facts.flight import Flight
-from sim.facts.people import PeopleFacts
 from sim.mission.archive import save
 from sim.views.drawing.palette import FALSE, format_css, pale
-from sim.views.drawing.plots import rgb
 from sim.views.page.page import make_page
-from sim.views.timeline import draw_timeline
 
 ALL = (0, 1, 2)
 
@@ -61,18 +57,6 @@ def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
         0,
         2,
     ]  # the last scan of the fourth is the first of the fifth
-
-
-def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
-    figure = draw_timeline(PeopleFacts(mission), mission.ospa, Flight(mission).events)
-    (boxes,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
-    shades = [tuple(face[:3]) for face in boxes.get_facecolors()]
-    at = [path.vertices[:, 0] for path, s in zip(boxes.get_paths(), shades, strict=True) if s == rgb(FALSE)]
-    assert [(x.min(), x.max()) for x in at] == [pytest.approx((0.4, 3.4))]
-    marks = [line.get_xdata()[0] for line in figure.axes[0].lines if line.get_marker() == "D"]
-    assert marks == [pytest.approx(4.0)] * 2
-    words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert {"false track", "duplicate track", "track switched"} <= set(words)
 
 
 def test_the_page_lists_and_marks_them(mission):

@@ -101,20 +101,6 @@ def test_associations_are_what_they_say():
     assert pairs > 50
 
 
-def test_births_tell_measurements_of_the_scans_before():
-    recording, _ = flown(CASES["unknown tracks"])
-    replay, count = replay_tracking(recording), 0
-    for k in range(len(recording.times)):
-        for i, account in replay.accounts_at(k):
-            for birth in account.births:
-                assert birth.origins[-1].time == recording.times[k] and len(birth.origins) > 1
-                for time, place in birth.origins:
-                    scan = recording.scan_at(int(np.flatnonzero(recording.times == time)[0]), i)
-                    assert (scan.measurements == place).all(axis=1).any()
-                count += 1
-    assert count > 5
-
-
 def test_the_accounts_end_where_the_recording_departs_from_the_trackers():
     recording = recorded(*IDEAL, duration=2)
     means = recording.track_means.copy()

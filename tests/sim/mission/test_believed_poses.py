@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 from helpers.flights import fly, fly_ideal
 
-from sim.scenario.loading import decode_recorded, load_scenario
-from sim.scenario.scenario import encode_scenario
-from tracking.geometry.camera import Pose
 from tracking.registration.pose_errors import move_to_believed
 
 ERRING = ("uavs.0.navigation=consumer", "uavs.1.navigation=gnss")
@@ -45,14 +42,3 @@ def test_errors_are_the_same_for_a_seed_and_others_for_a_repeat():
 
     np.testing.assert_array_equal(believed(seed=1), believed(seed=1))
     assert np.abs(believed(seed=1) - believed(seed=1, repeat=1)).max() > 1e-3
-
-
-def test_figures_survive_encoding():
-    figures = load_scenario("forest", ["uavs.1.navigation={yaw_bias_deg=4, clock_deviation=0.1}"])
-    again = decode_recorded(encode_scenario(figures))
-    assert again.uavs[1].navigation_errors.clock_deviation == 0.1 and again.uavs == figures.uavs
-
-
-def test_a_pose_that_is_believed_exactly_moves_nobody():
-    points = np.array([[1.0, 2.0], [3.0, -4.0]])
-    np.testing.assert_allclose(move_to_believed(points, Pose.level(0, 0, 20), Pose.level(0, 0, 20)), points, atol=1e-12)

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from helpers import synthetic
 from helpers.films import frames_of
 from helpers.flights import fly_ideal as fly
 from helpers.flights import recording_of
@@ -20,12 +19,7 @@ from sim.running.results import run_mission
 from sim.scenario.loading import load_scenario
 from sim.sensing.fault import Fault
 from sim.study.trial_flight import fly_trial
-from sim.views.drawing.film import Film
-from sim.views.drawing.map_view import MapView
-from sim.views.drawing.palette import ALARM, FAINT, uav_colour
-from sim.views.scene import SceneMaker
 from tracking.errors import InputError
-from tracking.geometry.visibility import Forest
 
 BROKEN = "broke down, hovers from now on"
 
@@ -107,47 +101,6 @@ def test_a_mission_without_working_uavs_is_flown_and_shown_to_its_end(tmp_path, 
     found = fly_trial(task_of(setting, "greedy", 0)).row.metrics
     assert found["ospa.mean_m"] == pytest.approx(known.mean())
     assert found["faults"] == 0  # of plug-ins
-
-
-def test_only_working_uavs_count_as_holding_people():
-    mission, snapshots = fly("uavs.0.fails_at=0.2", "uavs.1.fails_at=0.2", "trees.density=0", duration=2)
-    recording = recording_of(mission, snapshots)
-    alone = [np.nan_to_num([t.belief.mean[:2] for t in s.tracks[2]]) for s in snapshots]
-    near = [[np.linalg.norm(a - p, axis=1).min() < 1 for p in s.people] for a, s in zip(alone, snapshots, strict=True)]
-    first = [[np.linalg.norm([t.belief.mean[:2] - p for t in h], axis=1).min() < 1 for p in snapshots[0].people]
-             for h in snapshots[0].tracks[:2]]  # fmt: skip
-    expected = (np.sum(near, axis=0) + np.sum(first, axis=0)) / (len(snapshots) + 2)
-    np.testing.assert_allclose(summary(recording)["people_held"], expected)
-
-
-def film(fails_at):
-    """The last of 11 snapshots with UAV 0 broken down, or not, as film and map show it; the film's tile of UAV 0."""
-    setting = synthetic.scenario(uavs=3, mode="camera")
-    given = list(synthetic.snapshots(setting, Forest(()), 11))
-    for s in given:
-        if fails_at is not None and s.time >= fails_at:
-            s.ospa[0], s.tracks[0] = np.nan, ()
-    drawn, view = Film(setting, Forest(()), planner="p"), MapView(setting, Forest(()), (790, 540))
-    page = [drawn.draw(s, synthetic.frames(setting, Forest(()), s)) for s in given][-1]
-    scenes = SceneMaker(setting)
-    image, _ = [view.draw(scenes.add(s)) for s in given][-1]
-    centre = np.array([395, 270]) + view.scale * given[-1].poses[0].position[:2] * [1, -1]
-    x, y = np.round(centre).astype(int)
-    tile = drawn._layout.tiles[0]
-    return image[y - 16 : y + 16, x - 16 : x + 16], page[tile.slices]
-
-
-def count(image, colour):
-    return int(np.all(image == colour, axis=2).sum())
-
-
-def test_map_and_tile_cross_out_a_uav_that_broke_down():
-    mark, tile = film(1.0)
-    assert count(mark, ALARM) > 10 and count(mark, FAINT) > 10 and count(mark, uav_colour(0)) == 0
-    assert count(tile, ALARM) > 10 and count(tile, uav_colour(0)) == 0 and np.all(tile[0] == FAINT)
-    mark, tile = film(None)
-    assert count(mark, ALARM) == count(mark, FAINT) == 0 < count(mark, uav_colour(0))
-    assert np.all(tile[0] == uav_colour(0))
 
 
 def test_frames_after_a_breakdown_are_refused_and_the_command_says_when(call, refused):

@@ -1,6 +1,5 @@
 """Compilation in several processes: who does what, where the code goes, and what happens if it fails."""
 
-import os
 import threading
 
 import pytest
@@ -82,15 +81,6 @@ def test_what_fails_in_a_process_is_left_to_the_caller(home, worker, monkeypatch
     assert compilation.is_mostly_uncompiled() and not (home / "new").exists()
 
 
-def test_nothing_is_started_on_one_core_or_where_no_code_can_be_kept(home, monkeypatch):
-    monkeypatch.setattr(compilation, "_run_workers", lambda *arguments: pytest.fail("started"))
-    monkeypatch.setattr(compilation, "count_cores", lambda: 1)
-    compilation.compile_in_processes()
-    monkeypatch.setattr(compilation, "count_cores", lambda: 2)
-    monkeypatch.setattr(compilation, "code_folder", lambda: None)
-    compilation.compile_in_processes()
-
-
 def test_a_mission_compiles_nothing_in_flight_and_the_parts_nothing_that_it_does_not():
     """A part with other types than a mission's would take time for code that nobody calls."""
     code = """
@@ -119,13 +109,3 @@ print(len({name for name, _ in warm} & set(functions)) > 60, flown - warm, more)
 """
     done = python("-c", code)
     assert done.stdout == "True set() set()\n", done.stdout + done.stderr
-
-
-def test_workers_take_no_package_from_the_current_folder(tmp_path):
-    (tmp_path / "random.py").write_text("raise RuntimeError")
-    done = python(
-        "-c", "import sys; sys.path[0] = sys.argv[1]; import random, sim", compiled._ROOT, cwd=tmp_path, PYTHONPATH=""
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert compilation._WORKER.startswith("import sys; sys.path[0] = sys.argv[1]; ")
-    assert os.path.samefile(compilation.ROOT, compiled._ROOT)

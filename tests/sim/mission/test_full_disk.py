@@ -1,9 +1,7 @@
 """On a full disk every command says so in one line, and leaves nothing unfinished."""
 
-import re
 import resource
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 from helpers.hostile_stores import recording
@@ -52,12 +50,3 @@ def test_a_full_disk_is_told_in_one_line_and_nothing_is_kept(refused, tmp_path, 
 def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refused, command, place, reason):
     words = [*COMMANDS[command], "--out"]
     assert f"--out: {place} cannot be written: {reason}" in refused(*words[: words.index("--out") + 1], place)
-
-
-@pytest.mark.parametrize("command", ["frames", "export", "film", "page", "picture"])
-def test_a_default_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refused, command, monkeypatch):
-    """As of a folder that may be read only, which stops no superuser."""
-    for module in ("frames", "replay", "explain", "export"):
-        monkeypatch.setattr(f"sim.cli.{module}.find_folder", lambda recorded: Path("file"))
-    said = refused(*COMMANDS[command])
-    assert re.fullmatch(r"understory: file/\S+ cannot be written: Not a directory; name a place with --out\n", said)

@@ -234,8 +234,7 @@ def test_a_split_fleet_disagrees_and_agrees_again_in_the_scan_it_heals():
             assert ids[0] == ids[1] == ids[2] and between < 0.02
 
 
-@pytest.mark.parametrize("fusion", ["kla", "hcmci"])
-@pytest.mark.parametrize("initial", ["known", "none"])
+@pytest.mark.parametrize(("fusion", "initial"), [("kla", "known"), ("hcmci", "none")])
 def test_with_half_of_all_messages_lost_the_fleet_agrees(fusion, initial):
     """On every id in all but a few scans, and within centimetres in the mean."""
     overrides = ("network.loss=0.5", f"network.fusion={fusion}", f"tracking.initial_tracks={initial}")

@@ -16,11 +16,9 @@ from helpers.recordings import assert_same, npy, record, rewritten
 from planning.planner import Plan
 from sim.exchange.csv_files import read_forest
 from sim.exchange.export import export
-from sim.mission import recording as recording_module
 from sim.mission.archive import compute_digest, load_recording, save
 from sim.mission.recorder import Recorder
-from sim.mission.recording import OPTIONAL, Recording, encode_faults
-from sim.sensing.fault import Fault
+from sim.mission.recording import OPTIONAL, Recording
 from tracking.geometry.visibility import Forest
 from tracking.track import Scan
 
@@ -86,15 +84,6 @@ def test_a_mission_yields_the_rows_that_its_recording_gives():
         np.testing.assert_equal(dataclasses.asdict(recording.snapshot(k)), dataclasses.asdict(row))
 
 
-def test_faults_are_decoded_once_however_many_scans_are_asked_for(monkeypatch):
-    times = (0.3, 0.6, 0.6, 1.9)
-    recording = dataclasses.replace(record(), faults=encode_faults([Fault(time, 0, "stuck") for time in times]))
-    decoded, decode = [], recording_module.decode_faults
-    monkeypatch.setattr(recording_module, "decode_faults", lambda text: decoded.append(text) or decode(text))
-    found = [fault.time for k in range(len(recording.times)) for fault in recording.snapshot(k).faults]
-    assert found == list(times) and len(decoded) == 1
-
-
 def test_plans_of_different_horizons_come_back_at_the_scans_that_made_them():
     setting = synthetic.scenario(uavs=2)
     recorder = Recorder()
@@ -137,13 +126,6 @@ def test_a_recording_that_cannot_be_written_leaves_the_file_before(tmp_path):
     with pytest.raises(ValueError):
         save(broken, path)
     assert path.read_bytes() == before and os.listdir(tmp_path) == ["mission.npz"]
-
-
-def test_a_recording_is_small_and_needs_no_pickles(tmp_path, saved):
-    save(record(scans=201), tmp_path / "mission.npz")
-    assert (tmp_path / "mission.npz").stat().st_size < 2e6
-    with np.load(saved, allow_pickle=False) as archive:
-        assert archive["people"].shape == (11, 4, 2) and int(str(archive["seed"])) == 2**70
 
 
 def test_truncated_and_flipped_bytes_never_pass_or_crash(saved, tmp_path):

@@ -88,13 +88,10 @@ EACH = "expected a plan or a velocity (2,) for each of 3 UAVs"
 REFUSED = {
     "plans: none are given, and the mission has no planner; expected 3 plans": None,
     f"plans: 2 plans for 3 UAVs; {EACH}": np.zeros((2, 2)),
-    f"plans: 4 plans for 3 UAVs; {EACH}": np.zeros((4, 2)),
     "plans: of UAV 0: velocity components of shape (3,), not (2,)": np.zeros((3, 3)),
     "plans: of UAV 1: velocity components are not finite": [[0.0, 0.0], [0.0, np.nan], [0.0, 0.0]],
     "plans: of UAV 0: controls of shape (2,), not (H, 2) with H from 1 to 1000": [Plan(np.zeros(2))] * 3,
-    "plans: of UAV 2: velocity components are not numbers": [[0.0, 0.0], [0.0, 0.0], "north"],
     f"plans: TypeError: 'int' object is not iterable; {EACH}": 7,
-    f"plans: TypeError: 'Plan' object is not iterable; {EACH}": Plan(np.zeros((1, 2))),
 }
 
 

@@ -187,17 +187,11 @@ def test_without_messages_a_uav_remembers_what_it_planned_for_the_others():
     [
         ("sma-nbo-mwtp", [FIVE_STEPS] * 3, 1),
         ("sma-nbo(sweeps=2, horizon=3)", [2 * 8 * (7 + 2 * 3)] * 3, 2),
-        ("pma-nbo", [FIVE_STEPS] * 3, 1),
         ("mcr(samples=3)", [FIVE_STEPS] * 3, 1),
         ("dec-pomdp(evaluations=64)", [0, 0, 0], 0),
         ("centralized(evaluations=64)", [2 * FIVE_STEPS, 0, 0], 1),
-        ("greedy-mi(evaluations=64)", [FIVE_STEPS] * 3, 1),
-        ("rsp(evaluations=64)", [FIVE_STEPS] * 3, 1),
         ("dec-mcts(evaluations=64, rounds=2, sequences=3)", [6 * FIVE_STEPS] * 3, 6),
         ("hover", [0, 0, 0], 0),
-        ("random", [0, 0, 0], 0),
-        ("thompson", [0, 0, 0], 0),
-        ("greedy", [0, 0, 0], 0),
         ("lawnmower", [0, 0, 0], 0),
     ],
 )
@@ -279,7 +273,7 @@ def test_a_silent_neighbour_is_reckoned_with_its_momentum(random_team):
         teammates.send({i: Plan(commands) for i in range(2)})
 
 
-@pytest.mark.parametrize(("rate", "delay"), [(5, 0.2), (5, 1.0), (5, 2.4), (25, 1.16)])  # 25 times 1.16 is below 29
+@pytest.mark.parametrize(("rate", "delay"), [(5, 1.0), (25, 1.16)])  # 25 times 1.16 is below 29
 def test_a_delayed_plan_is_flown_exactly_so_much_later(rate, delay):
     """Of a planner with plans that depend on the time of the decision alone."""
     rates = "rates.physics=200", f"rates.sensing={rate}"

@@ -10,7 +10,6 @@ import pytest
 from helpers.films import frames_of
 from helpers.processes import python
 
-from sim.facts import mission_events
 from sim.mission.archive import load_recording
 from sim.mission.atomic_files import PlaceTaken, make_new_folder
 from sim.mission.trial import ScanProgress, Trial
@@ -76,15 +75,6 @@ def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path,
     with pytest.raises(KeyboardInterrupt):
         run_mission(trial(), tmp_path / "other")
     assert names(tmp_path) == ["out"]
-
-
-def test_history_and_events_are_worked_out_once_for_timeline_and_page(tmp_path, monkeypatch, without_pictures):
-    made, find = [], mission_events.find_unmatched_tracks
-    monkeypatch.setattr(
-        mission_events, "find_unmatched_tracks", lambda recording: made.append(recording) or find(recording)
-    )
-    run_mission(trial(duration=0.2), tmp_path / "out")
-    assert len(made) == 1
 
 
 def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp_path, monkeypatch, without_pictures):

@@ -121,7 +121,6 @@ def test_bounds_are_named_in_the_reference_and_hold_large_fleets():
     [
         (lambda t: parse_integer(t, "--seed", least=0, most=9), "9" * 5000, ["--seed", "0 to 9"]),
         (lambda t: parse_integers(t, "--seeds"), "0-9999999999", ["--seeds", "'0-9999999999'", "at most 100000"]),
-        (lambda t: parse_integers(t, "--seeds"), "9" * 5000, ["--seeds", "none above"]),
         (lambda t: parse_duration(t, "--timeout"), "1e308", ["--timeout", "'1e308'", "at most 31622400 s"]),
     ],
 )
@@ -220,13 +219,10 @@ def test_the_largest_files_and_deepest_nests_are_read_and_long_integers_refused(
         f"x = {'[' * 5000}{']' * 5000}",
         f"x = {'{a=' * 5000}1{'}' * 5000}",
         f"{'a.' * 300_000}a = 1",
-        f"[{'a.' * 300_000}a]",
-        "a . " * 300_000 + "a = 1",
         f"x = {'[' * 31}{']' * 31}",
-        '"a,=".' * 300_000 + "a = 1",
         r'x = {y = """a\"""""", ' + "'b'." * 300_000 + "a = 1}",
     ],
-    ids=["lists", "tables", "key", "header", "spaced key", "a few too many", "quoted key", "key behind a string"],
+    ids=["lists", "tables", "key", "a few too many", "key behind a string"],
 )
 def test_nests_are_refused_at_once(written):
     with pytest.raises(InputError, match=r"^field: is nested too deep; at most 30 levels are allowed$"):

@@ -12,8 +12,6 @@ from sim.scenario.scenario import encode_scenario
 from tracking.errors import InputError
 
 ROOT = Path(__file__).parents[3]
-# SHA-256 of scenarios as the first release wrote them, with keys that later ones have not.
-FULL = ("appearance=full", "uavs.1.navigation={yaw_bias_deg=3}")
 FIRST = {
     (): "972b99dd1949b64c76a5ba1df812d4c5533cc61acfcc9714ff1b156307c748cc",
     (

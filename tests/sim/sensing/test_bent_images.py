@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from sim.sensing.renderer import Renderer
-from sim.world.lens_images import straighten
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
@@ -105,12 +104,3 @@ def test_rectangular_straight_images_agree_with_square_ones():
             assert shown.image.shape == (60, 100, 3)
             np.testing.assert_array_equal(shown.people, whole.people[50:110, 10:110])
             np.testing.assert_array_equal(shown.image, whole.image[50:110, 10:110])
-
-
-def test_a_straight_image_has_every_pixel_of_the_bent_one():
-    for camera in (BARREL, PINCUSHION, LARGE):
-        view = straighten(camera)
-        width, height = view.straight.size
-        assert view.sources.shape == (camera.size[1], camera.size[0])
-        assert view.places[0].min() >= 0 and view.places[0].max() <= width - 1
-        assert view.places[1].min() >= 0 and view.places[1].max() <= height - 1

@@ -7,12 +7,12 @@ from helpers.views import CAMERA
 from sim.sensing.culling import (
     LEAST_FAR_PLANE,
     NEAR_PLANE,
-    PERSON,
     find_hidden,
     find_in_frustum,
     select_covers,
     select_standing,
 )
+from tracking.geometry.person import ENCLOSING_CYLINDER
 from tracking.geometry.visibility import Forest, Tree
 
 
@@ -72,7 +72,7 @@ def test_a_person_is_left_out_only_where_a_canopy_hides_all_of_them():
         base = rng.uniform(1, 5)
         tree = Tree(0.0, 0.0, rng.uniform(2, 6), base, base + rng.uniform(0.5, 4), 0.0)
         camera, person = rng.uniform([-20, -20, 0], [20, 20, 25]), rng.uniform(-5, 5, 2)
-        upright = np.array([[*person, *PERSON]])
+        upright = np.array([[*person, *ENCLOSING_CYLINDER]])
         hidden[k] = find_hidden(upright, select_covers(tree.solids), camera, CAMERA.fov)[0]
         body = np.concatenate([np.column_stack([person + ring, np.full(24, h)]) for h in height])
         seen[k] = Forest((tree,)).visible(camera, body).any()

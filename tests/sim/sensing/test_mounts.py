@@ -1,11 +1,9 @@
 """Cameras with their own mounting angle and rate, from the scenario to tracks, plans and the film."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-from helpers import synthetic
 from helpers.flights import fly
 from scipy.spatial.transform import Rotation
 
@@ -16,9 +14,6 @@ from sim.sensing.cameras import camera_pose, vehicle_of
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
-from sim.views.drawing.map_view import MapView
-from sim.views.drawing.palette import PANEL
-from sim.views.scene import SceneMaker
 from sim.world.world import World
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
@@ -118,18 +113,3 @@ def test_a_slow_camera_alone_needs_two_of_its_own_frames_for_a_track():
     _, snapshots = fly(*overrides, duration=3)
     held = [len(s.tracks[0]) > 0 for s in snapshots]
     assert held == [k >= 5 for k in range(16)]
-
-
-def test_the_map_keeps_what_a_slow_camera_saw_last():
-    setting = load_scenario("forest", ["uavs=[{start=[0, 0], rate=1}]"])
-    view, scenes = MapView(setting, Forest(()), (790, 540)), SceneMaker(setting)
-    base = next(synthetic.snapshots(synthetic.scenario(uavs=1, people=1), Forest(()), 1))
-    hollow, place = [], base.cameras[0].position[:2] + 4.0  # in view, clear of the UAV's own mark
-    for k in range(6):
-        changes = {"people": place[None], "visible": np.full((1, 1), 9 if k == 0 else 0)}
-        changes["frames"] = np.array([setting.has_frame(0, k)])
-        snapshot = dataclasses.replace(base, time=0.2 * k, tracks=[()], plans=None, contacts=(), **changes)
-        image, _ = view.draw(scenes.add(snapshot))
-        x, y = np.array([395, 270]) + view.scale * (place * [1.0, -1.0])
-        hollow.append(bool(np.all(image[int(y), int(x)] == PANEL)))
-    assert hollow == [False] * 5 + [True]

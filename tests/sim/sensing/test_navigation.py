@@ -5,15 +5,10 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from helpers.poses import tilted
-from helpers.views import CAMERA
 
 from sim.sensing.navigation import NavigationErrors
 from tracking.geometry.camera import Pose
-from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import at_target_height
 from tracking.navigation import NAVIGATION, Navigation
-from tracking.registration.pose_errors import move_to_believed
 
 STILL = np.zeros(3)
 
@@ -59,15 +54,6 @@ def test_a_clock_offset_takes_the_pose_of_another_time():
     assert abs(e.clock) > 0.01
     np.testing.assert_allclose(late.position, [5.0 * e.clock, -e.clock, 20.0], atol=1e-12)
     np.testing.assert_allclose(turn(late), [0, 0, 0.1 * e.clock], atol=1e-6)
-
-
-def test_people_move_to_where_their_pixels_are_on_the_ground_of_the_believed_pose():
-    rng = np.random.default_rng(0)
-    true, believed = tilted(rng, (0, 0, 20), 0.2), tilted(rng, (1.0, -2.0, 21.0), 0.2)
-    points = true.position[:2] + np.array([[1.0, 2.0], [-3.0, 0.5], [4.0, 4.0]])
-    pixels, _ = CAMERA.project(true, at_target_height(points))
-    expected = CAMERA.ground_points(believed, pixels, TARGET_HEIGHT)
-    np.testing.assert_allclose(move_to_believed(points, true, believed), expected, atol=1e-9)
 
 
 def test_presets_are_in_order_of_their_attitude_and_clock():

@@ -142,17 +142,6 @@ def test_without_opengl_what_needs_it_is_refused(refused, tmp_path, absent, argu
     assert "sensing.renderer: 'egl' cannot start here (" in told and "); allowed is tiny" in told
 
 
-def test_settings_that_a_mission_does_not_follow_are_remarked_on(call, tmp_path):
-    (tmp_path / "one.csv").write_text("t,id,x,y\n0,ann,0,0\n1,ann,1,0\n")
-    quick = ["--planner", "hover", "--no-video", SET, "sensing.mode=ideal", SET, "trees.density=0"]
-    code, _, err = call("run", *quick, "--duration", "0.5", SET, "people.trajectories=one.csv", SET, "people.count=7")
-    assert code == 0
-    assert err.splitlines() == [
-        "understory: duration: 0.5 s is not a multiple of the 0.2 s between scans; the last scan is at 0.4 s",
-        "understory: people.count: not used, as people.trajectories gives all paths",
-    ]
-
-
 def test_misses_for_which_the_tracker_is_not_set_are_remarked_on():
     assert find_remarks(load_scenario("forest", ["sensing.miss_probability=0.3"])) == [
         "tracking.detection_probability: 0.99 is far above the 0.7 that sensing.miss_probability means; "
@@ -180,6 +169,7 @@ def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
 @pytest.mark.parametrize(
     ("changes", "remark"),
     [
+        (["duration=0.5"], "duration: 0.5 s is not a multiple of the 0.2 s between scans; the last scan is at 0.4 s"),
         (["tracking.confirm=[3, 4]"], 'tracking.confirm: not used with tracking.management = "existence"'),
         (["sensing.mode=ideal", "sensing.renderer=egl"], 'sensing.renderer: not used with sensing.mode = "ideal"'),
         (["wind.gust_time=2"], "wind.gust_time: not used, as wind.gust is 0"),

@@ -17,16 +17,13 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import Uav, UavSettings
 from sim.sensing.renderer import Renderer
-from sim.sensing.rolling_shutter import Glimpse, Sweep
+from sim.sensing.rolling_shutter import Sweep
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
-from tracking.detection.blob_detector import BlobDetector
-from tracking.detection.detector import Frame
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest
 from tracking.registration.pose_errors import move_to_believed
 
@@ -39,24 +36,6 @@ def moving(rng: np.random.Generator, readout: float = 0.05) -> Sweep:
     """A camera that flies at up to 6 m/s and turns at up to 40 degrees a second, and people who walk."""
     speeds, spins = rng.uniform(-6, 6, 3) * [1, 1, 0.1], np.radians(rng.uniform(-40, 40, 3))
     return Sweep(readout, speeds, spins, rng.uniform(-1.5, 1.5, (PEOPLE, 2)))
-
-
-def test_motion_between_two_frames_is_that_of_both_poses():
-    rng = np.random.default_rng(0)
-    for sign in (1.0, -1.0):
-        spin, velocity, people = rng.uniform(-0.2, 0.2, 3), rng.uniform(-5, 5, 3), rng.uniform(-9, 9, (3, 2))
-        first = Rotation.from_euler("ZYX", rng.uniform(-1, 1, 3))
-        later = Rotation.from_rotvec(0.2 * spin) * first
-        before = Glimpse(1.0, Pose(np.array([1.0, 2.0, 20.0]), first.as_quat()), people)
-        walked = people + np.array([[0.2, 0.0], [math.nan, math.nan], [0.0, -0.1]])
-        now = Glimpse(1.2, Pose(before.pose.position + 0.2 * velocity, sign * later.as_quat()), walked)
-        sweep = Sweep.between(before, now, 0.03)
-        np.testing.assert_allclose(sweep.velocity, velocity, rtol=1e-9)
-        np.testing.assert_allclose(sweep.spin, spin, atol=1e-4)
-        np.testing.assert_allclose(sweep.people, [[1.0, 0.0], [0.0, 0.0], [0.0, -0.5]], atol=1e-9)
-        back = sweep.pose_at(now.pose, -0.2)
-        np.testing.assert_allclose(Rotation.from_quat(back.quaternion).as_matrix(), first.as_matrix(), atol=1e-4)
-    assert not Sweep.between(None, now, 0.03).velocity.any()
 
 
 def test_without_motion_the_image_is_that_of_one_moment_and_with_motion_each_row_has_its_own():
@@ -79,38 +58,6 @@ def test_without_motion_the_image_is_that_of_one_moment_and_with_motion_each_row
                 world.place_people(people + delay * sweep.people, headings)
                 own = renderer.render(camera, sweep.pose_at(pose, delay)).people[top:bottom]
                 np.testing.assert_array_equal(own, shown.people[top:bottom])
-
-
-def test_detections_in_swept_images_are_unbiased_on_the_ground_if_the_motion_is_known():
-    rng, detector, rows = np.random.default_rng(2), BlobDetector(Forest(())), []
-    with World(SCENARIO, Forest(()), PEOPLE) as world:
-        renderer = Renderer(world)
-        for _ in range(250):
-            turn = Rotation.from_euler("ZYX", [*rng.uniform(-180, 180, 1), *rng.uniform(-10, 10, 2)], degrees=True)
-            pose, sweep = Pose(np.array([0.0, 0.0, 20.0]), turn.as_quat()), moving(rng)
-            people = np.empty((0, 2))
-            while len(people) < PEOPLE:
-                pixel = rng.uniform(0, BARREL.size, (1, 2))
-                place = BARREL.ground_points(
-                    sweep.pose_at(pose, sweep.delays(pixel[0, 1:], 120)[0]), pixel, TARGET_HEIGHT
-                )
-                if np.all(np.hypot(*(people - place).T) > 3.0):
-                    people = np.vstack([people, place])
-            world.place_people(people, rng.uniform(-math.pi, math.pi, PEOPLE))
-            image = renderer.take(0, 0.0, BARREL, pose, sweep).image
-            found = detector.detect(Frame(0, 0.0, BARREL, pose, image))
-            added = sweep.corrections(BARREL, pose, found.pixels)
-            gaps = np.linalg.norm((found.ground + added)[:, None] - people, axis=2)
-            near = gaps.min(axis=1) < 1.2
-            error = (found.ground + added - people[gaps.argmin(axis=1)])[near]
-            rows.append(np.column_stack([error, added[near], found.pixels[near, 1]]))
-    table = np.concatenate(rows)
-    assert len(table) > 0.9 * 250 * PEOPLE
-    assert np.sqrt(np.mean(np.square(table[:, 2:4]))) > 0.1  # what the correction removes
-    for low, high in ((0, 40), (40, 80), (80, 120)):
-        part = table[(table[:, 4] >= low) & (table[:, 4] <= high)]
-        np.testing.assert_allclose(part[:, :2].mean(axis=0), 0.0, atol=0.03)
-    assert np.sqrt(np.mean(np.square(table[:, :2]))) < 0.06
 
 
 def at(poses, share):

@@ -147,16 +147,6 @@ def test_absent_people_are_never_seen(mode):
     assert not empty.matched.any() and not empty.visible.any()
 
 
-def test_noise_models_are_those_that_the_scenario_names():
-    for noise, expected in (
-        ("range_bearing", [NoiseModel.range_bearing(uav.alpha) for uav in FLEET]),
-        ("camera", [NoiseModel.camera(uav.true_camera, uav.altitude) for uav in FLEET]),
-    ):
-        setting = scenario("ideal", noise)
-        with World(setting, OPEN, 0) as world:
-            assert sensors(setting, world).noises == expected
-
-
 @cache
 def flown(mode, **sensing):
     """Scans and matches of a hovering UAV over one person, with initial tracks unknown to none."""

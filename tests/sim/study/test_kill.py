@@ -230,4 +230,4 @@ def test_an_address_that_does_not_answer_is_one_line(capfd):
             pass
         assert "\n" not in str(raised.value)
     gc.collect()
-    assert capfd.readouterr() == ("", "") and time.monotonic() - start < 10
+    assert capfd.readouterr() == ("", "") and time.monotonic() - start < 60

@@ -27,15 +27,6 @@ def shown(monkeypatch):
     return begin
 
 
-def test_a_log_of_a_few_seconds_has_no_line_on_progress(shown):
-    wait, output = shown(terminal=False)
-    with progress.show_counted_progress(40, "frames") as count:
-        for _ in range(40):
-            wait(0.2)
-            count(None)
-    assert output() == ""
-
-
 def test_a_log_gets_lines_less_and_less_often_with_what_remains(shown):
     wait, output = shown(terminal=False)
     with progress.show_mission_progress(Scenario(duration=400.0)) as tell:

@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from functools import partial
 from itertools import count
 
@@ -180,7 +179,5 @@ def display(monkeypatch):
 
 @pytest.mark.slow
 def test_the_window_opens_and_ends_with_the_last_scan(flown, display):
-    start = time.monotonic()
     done = python("-m", "sim", "replay", flown, "--gui", "--time", "1:2", "--speed", "2")
     assert (done.returncode, done.stderr.strip()) == (0, "") and "Q or Esc closes it" in done.stdout
-    assert time.monotonic() - start > 0.5

@@ -9,8 +9,7 @@ from planning.planner import Plan
 from sim.facts.flight import Flight
 from sim.facts.metrics.holding import HOLDS
 from sim.facts.people import STATES, PeopleFacts
-from sim.views.drawing.map_view import MapView
-from sim.views.drawing.palette import ALARM, LOST, uav_colour
+from sim.views.drawing.palette import ALARM, LOST
 from sim.views.page.data import make_page_data
 from sim.views.scene import SceneMaker, make_scene, make_scenes, mark_track
 from tracking.filter.kalman import Gaussian
@@ -58,19 +57,6 @@ def test_intents_are_what_is_flown_from_when_a_plan_is_due_and_the_page_has_them
             if ends is not None:
                 np.testing.assert_allclose(intent, [recording.poses[k, uav, :2], *ends], atol=1e-9)
                 np.testing.assert_allclose(np.reshape(page[k][uav][-1], (-1, 2)), ends, atol=0.0051)
-
-
-def test_the_map_rings_the_end_of_what_is_flown(delayed):
-    recording = delayed[1]
-    view = MapView(recording.setting, recording.forest, (1080, 756))
-    for k in (2, 7, 18):
-        image, _ = view.draw(make_scene(recording, k, np.full(recording.person_count, HOLDS.index("held"))))
-        for uav in range(3):
-            ends = expected(delayed, k, uav)
-            if ends is not None:
-                x, y = view.pixels(ends[-1])
-                near = image[round(y) - 6 : round(y) + 6, round(x) - 6 : round(x) + 6].reshape(-1, 3)
-                assert np.count_nonzero(np.abs(near.astype(int) - uav_colour(uav)).max(axis=1) < 60) > 15
 
 
 def flat(scene):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.legends import words as words_of
 from helpers.people_facts import make_facts, spell_facts
 from helpers.recordings import broken, record
 from matplotlib.collections import PolyCollection
@@ -11,7 +10,7 @@ from sim.facts.event import Event
 from sim.facts.flight import Flight
 from sim.facts.metrics.holding import HOLDS, Episode, find_episodes
 from sim.facts.people import BROKEN, STATES, PeopleFacts
-from sim.views.drawing.palette import FALSE, HIDDEN, HOLD_COLOURS, LOST, UAV_COLOURS, uav_colour
+from sim.views.drawing.palette import FALSE, HIDDEN, HOLD_COLOURS, LOST, uav_colour
 from sim.views.drawing.plots import rgb
 from sim.views.timeline import choose_rows, draw_timeline
 
@@ -67,32 +66,6 @@ def test_the_figure_shows_each_stretch_at_its_time():
     assert spans[uav_colour(0)] == [] and spans[uav_colour(1)] == [pytest.approx((0.0, 0.4))]
 
 
-def legend_of(figure):
-    return words_of(figure, figure.legends[0])
-
-
-def test_the_legend_lists_what_is_drawn_and_nothing_else():
-    """The first UAV has the person out of view, hidden, missed and seen; each state to the tracks comes once, too."""
-    made = spell_facts(["-xxx", "----"], ["--xx", "----"], ["---x", "----"], [[-1, 5, 5, -1], [-1, 5, -1, -1]])
-    everything = [
-        "seen by UAV 0",
-        "shown, not detected",
-        "in the frame, hidden",
-        "out of view",
-        "held by all",
-        "held by some UAVs",
-        "lost",
-        "not found yet",
-    ]
-    assert legend_of(draw_timeline(made, np.ones((4, 2, 3)), ())) == everything
-    events = [event("false track", 0, 1, track=3), event("identity switch", 2, 2, person=0)]
-    assert legend_of(draw_timeline(made, np.ones((4, 2, 3)), events)) == [
-        *everything,
-        "false track",
-        "track switched",
-    ]
-
-
 def test_a_crowd_has_rows_of_those_lost_longest_and_one_of_all_others():
     """Of 60 people, person m is lost for m scans. UAV 1 of 9 has all in view, and UAV 8 even numbers."""
     scan, _, person = np.ogrid[:60, :9, :60]
@@ -110,16 +83,6 @@ def test_a_crowd_has_rows_of_those_lost_longest_and_one_of_all_others():
     labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
     assert labels[:2] == ["person 59 (1)", "person 58 (1, 8)"] and len(labels) == len(rows) + 2
     assert labels[-2:] == [f"{len(folded)} others", "no person"]
-    # The row of all others tells at each scan which share of them is lost: those with larger numbers than the scan's.
-    (boxes,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
-    top = sum(row.height for row in rows)
-    heights = {
-        round(float(corners[:, 0].min()), 6): np.ptp(corners[:, 1])
-        for corners, face in zip((p.vertices for p in boxes.get_paths()), boxes.get_facecolors(), strict=True)
-        if corners[:, 1].min() == pytest.approx(top) and tuple(face[:3]) == pytest.approx(rgb(LOST))
-    }
-    for k in range(1, len(folded)):
-        assert heights[round(0.2 * k, 6)] == pytest.approx(6.0 * (len(folded) - k) / len(folded))
 
 
 @pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (5, 2, 6), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
@@ -129,10 +92,5 @@ def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
     figure = draw_timeline(PeopleFacts(recording), recording.ospa, Flight(recording).events)
     labels = [text.get_text().partition(" (")[0] for text in figure.axes[0].get_yticklabels()]
     assert labels[:people] == [f"person {m}" for m in range(people)] and set(labels[people:]) <= {"no person"}
-    words = legend_of(figure)
-    seen = {f"seen by UAV {i}" for i in range(uavs) if recording.matched[:, i].any()}
-    assert {word for word in words if word.startswith("seen")} == (
-        seen if uavs <= len(UAV_COLOURS) else {"seen: lanes are the UAVs in brackets"}
-    )
     assert (scans > 1) == any("UAV 0 broke down" in text.get_text() for text in figure.axes[1].texts)
     figure.draw_without_rendering()

@@ -5,9 +5,7 @@ import pytest
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.world.free_flight import _are_clear
 from sim.world.world import World
-from tracking.geometry.quaternions import settle
 from tracking.geometry.visibility import Forest, Tree
 
 DYNAMICS = ("quadrotor", "kinematic")
@@ -38,41 +36,6 @@ def test_uavs_move_to_the_bits_of_the_engine_step_by_step(dynamics, windy):
             free.advance(commands, 5, winds)
             assert poses_of_engine(stepped) == bits(stepped)[1] and bits(stepped) == bits(free)
         assert stepped.velocities().tobytes() == free.velocities().tobytes()
-
-
-def test_the_engine_itself_moves_a_tumbling_body_to_the_same_bits():
-    """Also upside down, where a controller in flight never brings it; but for the attitude, which is not its own."""
-    rng, one = np.random.default_rng(1), Scenario(uavs=LINE[:1])
-    with World(one, Forest(()), 0) as stepped, World(one, Forest(()), 0) as free:
-        for _ in range(500):
-            quaternion = rng.normal(size=4)
-            quaternion /= np.linalg.norm(quaternion)
-            motion = rng.normal(0, 3, 6) * rng.integers(0, 2, 6)
-            free.states[0] = stepped.states[0] = [*rng.uniform(-30, 30, 2), 20.0, *quaternion, *motion]
-            commands, winds = rng.uniform(-5, 5, (1, 2)), rng.normal(0, 4, (1, 2))
-            stepped.step(commands, winds[0])
-            free.advance(commands, 1, winds)
-            assert bits(stepped) == bits(free)
-            uav = stepped.bodies[0].id
-            stepped.engine.resetBasePositionAndOrientation(uav, [0.0, 0.0, 9.0], quaternion.tolist())
-            returned = np.array(stepped.engine.getBasePositionAndOrientation(uav)[1])
-            assert settle(quaternion[None]).tobytes() == returned.tobytes()
-
-
-def test_uavs_that_are_clear_touch_nothing_in_the_engine():
-    rng, tree = np.random.default_rng(2), Tree(0.0, 0.0)
-    with World(Scenario(uavs=LINE[:2]), Forest((tree,)), 0) as world:
-        found = []
-        for _ in range(3000):
-            quaternions = rng.normal(size=(2, 4))
-            world.states[:, 3:7] = quaternions / np.linalg.norm(quaternions, axis=1)[:, None]
-            world.states[:, :2], world.states[:, 2] = rng.uniform(-0.7, 0.7, (2, 2)), tree.canopy_top
-            world.states[:, 2] += rng.uniform(0.0, 1.2, 2)
-            world._put_uavs(world._bodies)
-            world.engine.performCollisionDetection()
-            found.append((_are_clear(world.states, tree.canopy_top), len(world.engine.getContactPoints()) > 0))
-    clear, touching = np.array(found).T
-    assert not np.any(clear & touching) and 100 < clear.sum() < 2900 and touching.sum() > 300
 
 
 def height(base):
@@ -109,14 +72,3 @@ def test_uavs_collide_as_when_the_engine_makes_every_step(uavs, trees, kinds, dy
             assert bits(stepped) == bits(free) and free.take_contacts() == touched[-1]
     assert {contact.kind for contacts in touched for contact in contacts} >= kinds
     assert sum(map(bool, touched)) < 40
-
-
-def test_only_what_is_near_makes_the_engine_step(monkeypatch):
-    """Two that meet head on, each 1 m from the other for 1 m of their ways: a second's steps at 2 m/s, and the rest."""
-    steps, step = [], World.step
-    monkeypatch.setattr(World, "step", lambda self, *a: (steps.append(None), step(self, *a)))
-    fleet = Scenario(dynamics="kinematic", uavs=(Uav(start=(0.0, 0.0)), Uav(start=(6.0, 0.0))))
-    with World(fleet, Forest((Tree(30.0, 0.0),)), 0) as world:
-        for _ in range(25):
-            world.advance(np.array([[1.0, 0.0], [-1.0, 0.0]]), 48)
-    assert len(steps) == pytest.approx(240, abs=2)

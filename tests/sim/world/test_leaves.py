@@ -11,7 +11,6 @@ from sim.facts.rerender import Rerenderer
 from sim.mission.archive import compute_digest
 from sim.sensing.detection_truth import count_visible_pixels
 from sim.sensing.renderer import Renderer, capture
-from sim.world.leaves import EDGE, Leaves
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.quaternions import rotation
@@ -44,32 +43,6 @@ def test_gaps_in_images_are_as_large_as_the_law_of_beer_and_lambert_says(density
     assert error < 0.015
 
 
-def test_clusters_are_squares_with_centres_evenly_in_the_crown_and_directions_evenly_on_the_sphere():
-    corners = np.concatenate(
-        [Leaves(seed, 0, replace(CROWN, leaf_area_density=2.0).solids[-1]).draw() for seed in range(40)]
-    )
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    np.testing.assert_allclose(sides, EDGE, rtol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1), EDGE * math.sqrt(2), rtol=1e-12)
-    centres, n = corners.mean(axis=1), len(corners)
-    assert n == pytest.approx(40 * 2.0 * math.pi * 9 * 3 / EDGE**2, abs=4 * math.sqrt(n))
-    radius, height = np.hypot(*centres[:, :2].T), centres[:, 2]
-    assert radius.max() <= 3.0 and 0.0 <= height.min() and height.max() <= 3.0
-    assert np.mean(radius**2) == pytest.approx(4.5, rel=4 / math.sqrt(3 * n))
-    assert np.mean(height) == pytest.approx(1.5, rel=4 / math.sqrt(3 * n))
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]) / EDGE**2
-    for axes in (across, (corners[:, 1] - corners[:, 0]) / EDGE):
-        np.testing.assert_allclose(axes.T @ axes / n, np.eye(3) / 3, atol=4 / math.sqrt(n))
-
-
-def test_each_tree_has_its_own_leaves_and_the_seed_decides_them():
-    crown = replace(CROWN, leaf_area_density=1.0).solids[-1]
-    first = Leaves(0, 0, crown).draw()
-    assert np.array_equal(first, Leaves(0, 0, crown).draw())
-    for seed, index in ((1, 0), (0, 1)):
-        assert not np.array_equal(first[:5], Leaves(seed, index, crown).draw()[:5])
-
-
 def test_a_crown_without_leaves_shows_all_that_is_under_it_and_a_huge_one_has_larger_clusters():
     with World(SCENARIO, Forest((replace(CROWN, leaf_area_density=0.0),)), 1) as world:
         world.place_people(np.zeros((1, 2)) + 0.5, np.zeros(1))
@@ -98,14 +71,3 @@ def test_a_mission_under_porous_crowns_is_recorded_and_rendered_again():
             np.testing.assert_array_equal(shown, first.visible[k, i])
             seen += sum(shown[m] < rerenderer.count_whole(k, i, m) for m in np.flatnonzero(shown))
     assert seen > 0
-
-
-def test_images_of_porous_crowns_are_the_same_again():
-    rng = np.random.default_rng(0)
-    trees = [Tree(*rng.uniform(-15, 15, 2), *rng.uniform([1, 2, 5], [3, 4, 8]), 0.2, 0.5) for _ in range(30)]
-    poses, images = [Pose.level(*rng.uniform(-10, 10, 2), 20.0) for _ in range(5)], []
-    for _ in range(2):
-        with World(SCENARIO, Forest(tuple(trees)), 0) as world:
-            renderer = Renderer(world)
-            images += [[renderer.render(Camera(0.8, 128), pose).image.tobytes() for pose in poses] for _ in range(2)]
-    assert images[0] == images[1] == images[2] == images[3]

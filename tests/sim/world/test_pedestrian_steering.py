@@ -1,15 +1,9 @@
-import math
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from sim.world.pedestrian_steering import (
-    _BLOCK,
     SEPARATION,
-    _find_surroundings,
-    _measure_to_border,
-    _measure_to_segment,
     simulate,
 )
 
@@ -66,35 +60,3 @@ def test_fast_walkers_overtake_and_routes_out_of_the_area_end_smoothly():
     assert np.hypot(*(walk[:, 0] - walk[:, 1]).T).min() >= SEPARATION and walk[-1, 0, 0] > walk[-1, 1, 0] + 15
     walk = steered([(40, 30), (0, 40)], [3.0, 1.5], [(140, 130), (0, 140)])
     assert np.all(np.abs(walk) <= HALF) and lateral_acceleration(walk).max() < 1.05
-
-
-def test_distances_to_segments_and_borders_agree_with_brute_force():
-    rng = np.random.default_rng(1)
-    for x, y, dx, dy in rng.normal(0, 2, (100, 4)):
-        s = np.linspace(0, 1, 20_001)
-        assert _measure_to_segment(x, y, dx, dy) == pytest.approx(np.hypot(x + s * dx, y + s * dy).min(), abs=1e-3)
-    assert _measure_to_segment(3.0, 4.0, 0.0, 0.0) == 5.0 and _measure_to_border(
-        np.array([0.0, 40.0]), HALF
-    ) == pytest.approx(9)
-    assert _measure_to_border(np.array([70.0, 0.0]), HALF) == pytest.approx(4)
-    assert _measure_to_border(np.array([76.0, 0.0]), HALF) == pytest.approx(-2)
-    assert _measure_to_border(HALF - 10, HALF) == pytest.approx(10)
-    assert _measure_to_border(HALF, HALF) == pytest.approx(10 - 10 * math.sqrt(2))
-
-
-def test_trunks_and_people_that_one_may_meet_are_found_beforehand():
-    rng = np.random.default_rng(0)
-    half, count = np.array([90.0, 60.0]), 30
-    states = np.column_stack([rng.uniform(-half, half, (count, 2)), rng.uniform(-3, 3, count), np.zeros(count)])
-    trunks = np.column_stack([rng.uniform(-half, half, (400, 2)), rng.uniform(0.5, 1.5, 400)])
-    paces = rng.uniform(2.5, 3.0, (_BLOCK, count))
-    near = _find_surroundings(states, paces, trunks)
-    assert max(len(rows) for rows, _ in near) < len(trunks) / 2
-    routes = np.full((count, 1, 2), np.nan)
-    walk = simulate(states, paces, np.zeros_like(paces), routes, trunks, half)
-    for k, places in enumerate(walk):
-        away = np.hypot(*(places[:, None] - trunks[:, :2]).T).T
-        met = away < 4.0 * paces[k][:, None] + trunks[:, 2] + 1.0  # rollouts of 4 s
-        close = np.hypot(*(places[:, None] - places).T) < 4.0 * (paces[k][:, None] + paces[k]) + SEPARATION + 1.0
-        for i, (rows, others) in enumerate(near):
-            assert set(np.flatnonzero(met[i])) <= set(rows) and set(np.flatnonzero(close[i])) <= set(others)

@@ -10,14 +10,9 @@ from sim.scenario.scenario import Rates, Scenario
 from sim.scenario.uavs import Uav
 from sim.sensing.cameras import vehicle_of
 from sim.world.quadrotor import (
-    _ATTITUDE_GAINS,
     GRAVITY,
-    INERTIA,
     MASS,
     MAX_ROTOR_THRUST,
-    ROTORS,
-    _command_torque,
-    _mix,
     rotor_thrusts,
 )
 from sim.world.world import World
@@ -41,43 +36,12 @@ def test_at_the_commanded_velocity_rotors_take_the_weight_in_equal_parts(velocit
     assert_allclose(thrusts, [*[MASS * GRAVITY / 4] * 4, 0.0], rtol=1e-14, atol=1e-14)
 
 
-def test_thrusts_stay_within_limits_and_torques_vanish_in_their_attitude():
+def test_thrusts_stay_within_limits():
     rng = np.random.default_rng(1)
     for _ in range(2000):
         wild = state(rng.normal(0, 50, 3), Rotation.random(random_state=rng).as_quat(), *rng.normal(0, 8, (2, 3)))
         thrusts = rotor_thrusts(wild, rng.uniform(-20, 40, 3), rng.normal(0, 5, 3))
         assert np.all((thrusts[:4] >= 0) & (thrusts[:4] <= MAX_ROTOR_THRUST)) and np.isfinite(thrusts[4])
-    acceleration = np.array([2.0, -3.0, 1.0])
-    up = acceleration + np.array([0, 0, GRAVITY])
-    up /= np.linalg.norm(up)
-    left = np.cross(up, [1.0, 0.0, 0.0])
-    left /= np.linalg.norm(left)
-    R = np.column_stack([np.cross(left, up), left, up])
-    assert_allclose(_command_torque(R, np.zeros(3), acceleration), 0, atol=1e-12)
-
-
-def test_rotors_give_the_lift_and_torque_asked_for_or_its_direction():
-    rng = np.random.default_rng(2)
-    for _ in range(200):
-        lift, torque = rng.uniform(8, 16), rng.uniform(-0.25, 0.25, 3)
-        thrusts = _mix(lift, torque)
-        forces = np.column_stack([np.zeros((4, 2)), thrusts[:4]])
-        assert_allclose(forces.sum(axis=0), [0, 0, lift], atol=1e-12)
-        assert_allclose(np.cross(ROTORS, forces).sum(axis=0), [*torque[:2], 0], atol=1e-12)
-        assert thrusts[4] == torque[2]
-    thrusts = _mix(12.0, np.array([30.0, -10.0, 0.0]))
-    x, y, _ = np.cross(ROTORS, np.column_stack([np.zeros((4, 2)), thrusts[:4]])).sum(axis=0)
-    assert thrusts[:4].sum() == pytest.approx(12.0) and x > 0 and y / x == pytest.approx(-1 / 3)
-
-
-def test_torques_damp_spins_alike_as_the_gyroscopic_moment_is_made_up_for():
-    rng = np.random.default_rng(6)
-    for R in Rotation.random(20, random_state=3).as_matrix():
-        spin, acceleration = rng.uniform(-5, 5, 3), rng.uniform(-3, 3, 3)
-        omega = R.T @ spin
-        still, turning = _command_torque(R, np.zeros(3), acceleration), _command_torque(R, spin, acceleration)
-        moment = turning - still - np.cross(omega, INERTIA * omega)
-        assert_allclose(moment / INERTIA, -_ATTITUDE_GAINS[1] * omega, atol=1e-9)
 
 
 def fly(commands, seconds, quaternion=LEVEL, wind=None, rate=RATE):
@@ -132,14 +96,7 @@ def test_the_quadrotor_keeps_altitude_and_tilt_under_reversals_and_random_comman
     assert np.abs(height).max() < 0.3 and tilt.max() < math.radians(35)
 
 
-def test_attitudes_are_stable_at_the_least_rate_of_physics_and_at_lower_ones_not():
-    def growth(rate):
-        """Largest factor of an attitude's error and rate in a step of the engine, which takes the new rate."""
-        stiffness, damping = np.array(_ATTITUDE_GAINS) / rate
-        step = [[1 - stiffness / rate, (1 - damping) / rate], [-stiffness, 1 - damping]]
-        return np.abs(np.linalg.eigvals(step)).max()
-
-    assert growth(25) < 1 < growth(22)
+def test_attitudes_are_stable_at_the_least_rate_of_physics_and_lower_ones_are_refused():
     commands = np.random.default_rng(5).uniform(-3.5, 3.5, (20, 2))
     _, height, tilt = fly(commands, 1.0, rate=25)
     assert np.abs(height).max() < 0.3 and tilt.max() < math.radians(35)

@@ -8,7 +8,7 @@ from scipy import stats
 from sim.scenario.environment import Area, People, Trees
 from sim.world.forest import grow
 from sim.world.pedestrian_steering import SEPARATION
-from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _smooth_noise, draw_paces, walk
+from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, draw_paces, walk
 from tracking.geometry.visibility import Forest
 
 AREA = Area()
@@ -65,14 +65,6 @@ def test_step_lengths_of_walks_are_truncated_levy(seeds):
     walks = [walked(seed, people=people, trees=Trees(density=15), duration=2.0)[0] for seed in range(seeds)]
     lengths = np.concatenate([np.hypot(*(p[72] - p[60]).T) for p in walks])
     assert stats.kstest(lengths / 0.2, levy(2.0)).pvalue > 0.01
-
-
-def test_noise_has_unit_variance_and_the_correlation_asked_for():
-    noise = _smooth_noise(3000, 4 * RATE + 1, 4.0, np.random.default_rng(2))
-    assert noise[0].std() == pytest.approx(1, abs=0.04)
-    for seconds in (1, 2, 4):
-        correlation = np.mean(noise[0] * noise[seconds * RATE])
-        assert correlation == pytest.approx(math.exp(-((seconds / 4) ** 2)), abs=0.05)
 
 
 @pytest.mark.parametrize("density", [45, 75])

@@ -7,7 +7,7 @@ from sim.scenario.environment import Area, People, Trees
 from sim.world.forest import grow
 from sim.world.pedestrian_steering import SEPARATION
 from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _draw_presence, walk
-from sim.world.walks import Groups, Itinerary, Paths, _draw_stops
+from sim.world.walks import Itinerary, Paths
 from tracking.geometry.visibility import Forest
 
 AREA, RATE = Area(), 60
@@ -44,21 +44,6 @@ def test_people_who_stop_and_go_stand_still_for_a_part_of_the_time():
     assert np.mean(still.any(axis=0)) > 0.9 and np.abs(np.diff(pace, axis=0)).max() * RATE < 3
 
 
-def test_stops_and_the_times_between_them_are_as_long_as_the_reference_says():
-    rng = np.random.default_rng(9)
-    courses = [_draw_stops(120 * RATE, rng) for _ in range(300)]
-    assert np.mean([course[0] for course in courses]) == pytest.approx(0.7, abs=0.08)
-    stops, walks = [], []
-    for course in courses:
-        changes = np.flatnonzero(np.diff(course > 0.5))
-        spans = np.diff(changes) / RATE
-        first = course[0] > 0.5
-        stops += spans[0 if first else 1 :: 2].tolist()
-        walks += spans[1 if first else 0 :: 2].tolist()
-    assert 1.9 < min(stops) < 2.2 and 7.8 < max(stops) < 8.1
-    assert 5.9 < min(walks) < 6.3 and 13.7 < max(walks) < 14.1
-
-
 def test_groups_stay_together_and_part_later():
     positions = walked(People(count=12, walks=("groups",)), seed=4)
     for first in range(0, 12, 3):
@@ -67,19 +52,6 @@ def test_groups_stay_together_and_part_later():
             assert apart[: 12 * RATE].max() < 6 and apart.min() >= SEPARATION and apart[-1] > apart[0]
     others = [gaps(positions, i, j)[:12].mean() for i in range(0, 12, 3) for j in range(0, i, 3)]
     assert np.mean(others) > 20
-
-
-def test_groups_walk_abreast_until_a_time_between_two_fifths_and_nine_tenths():
-    rng = np.random.default_rng(8)
-    parted = []
-    found = Groups().itineraries(People(), HALF, np.full((40 * RATE, 600), 1.5), rng)
-    for first in range(0, len(found), 3):
-        ways = [found[k].waypoints for k in (first, first + 1)]
-        same = [np.allclose(a - b, ways[0][0] - ways[1][0]) for a, b in zip(*ways, strict=False)]
-        assert np.hypot(*(ways[0][0] - ways[1][0])) == pytest.approx(1.5)
-        together = same.index(False)
-        parted.append(np.hypot(*np.diff(ways[0][:together], axis=0).T).sum() / (40 * 1.5))
-    assert 0.399 < min(parted) < 0.45 and 0.85 < max(parted) < 0.901
 
 
 def test_people_are_shared_out_among_ways_and_keep_clear_of_trunks():

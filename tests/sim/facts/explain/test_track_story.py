@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from helpers.flights import IDEAL, recorded
 from helpers.identities import FALSE, swapping
-from helpers.recordings import broken
 from msgspec import structs
 
 from sim.facts.explain.explanation import explain_person
@@ -19,7 +18,6 @@ from sim.facts.metrics.score import find_reported_tracks
 from sim.mission.archive import save
 from sim.scenario.scenario import encode_scenario
 from tracking.metrics.ospa import ospa
-from tracking.parameters import EXPECTED, SEEN
 
 
 @pytest.fixture(scope="module")
@@ -70,19 +68,6 @@ def test_the_story_says_when_a_track_was_not_reported(mission):
     assert line.startswith(f"not reported in {len(own)} scans, {first:.1f} to {last:.1f} s")
 
 
-def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
-    recording, observer = mission
-    id_ = next(iter(recording.track_numbers))
-    facts, count = TrackFacts(observer, 0), 0
-    for detection, weight in facts.detections:
-        a = observer.replay.association(detection.k, detection.uav)
-        weights = a.weights()[a.ids.tolist().index(id_)]
-        assert weight == weights[detection.measurement] >= SEEN
-        assert detection.person < 0 or recording.matched[detection.k, detection.uav, detection.person]
-        count += detection.person >= 0
-    assert count > 10 and len(facts.observations) > len(facts.detections)
-
-
 def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
     recording, observer = mission
     every = (TrackFacts(observer, number) for number in recording.track_numbers.values())
@@ -129,37 +114,6 @@ def test_a_track_whose_uavs_broke_down_was_not_deleted():
     recording = recorded(*IDEAL, "uavs=[{start=[-28,-14],fails_at=0.9}]", duration=2)
     with Observer(Flight(recording)) as observer:
         assert story(observer, 0)["deleted"] == ["at 1.0 s, as UAV 0 broke down"]
-
-
-def test_a_track_that_a_uav_ends_as_another_breaks_down_was_deleted():
-    recording = recorded(*IDEAL, duration=2)
-    offsets, uavs = recording.track_offsets, recording.poses.shape[1]
-    last = 4
-    kept = np.ones(len(recording.track_ids), dtype=np.bool_)
-    kept[offsets[(last + 1) * uavs] :] = recording.track_ids[offsets[(last + 1) * uavs] :] != 0
-    rows = np.concatenate([[0], np.cumsum(kept)])[offsets]
-    names = ("track_ids", "track_means", "track_covariances", "track_existence", "track_sightings")
-    tables = {name: getattr(recording, name)[kept] for name in names}
-    ended = broken(replace(recording, track_offsets=rows, **tables), 0, last + 1)
-    with Observer(Flight(ended)) as observer:
-        assert story(observer, 0)["deleted"][0] == "at 1.0 s"
-
-
-def test_misses_of_a_false_track_are_frames_that_should_have_shown_it(mission):
-    recording, observer = mission
-    counted = 0
-    for event in (e for e in observer.flight.events if e.kind == "false track"):
-        id_ = list(recording.track_numbers)[event.track]
-        found = [observer.replay.association(k, i) for k in range(event.first, event.last + 1) for i in range(3)]
-        rows = [(a, a.ids.tolist().index(id_)) for a in found if id_ in a.ids]
-        without = [float(a.before.visible[t]) for a, t in rows if a.after.missed[t] > 1.0 - SEEN]
-        missed = sum(visible >= EXPECTED for visible in without)
-        (line,) = (
-            n for n in dict(tell_track_story(TrackFacts(observer, event.track)))["kept"] if n.startswith(event.when)
-        )
-        assert f"missed in {missed} that should have shown it" in line
-        counted += missed < len(without)
-    assert counted > 0
 
 
 def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(mission):

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.recordings import bare, broken, record
-from helpers.summaries import summary
+from helpers.recordings import bare, broken
 
 from sim.facts.metrics.fleet_facts import SOURCES, find_error_sources
 from sim.facts.metrics.metric import Outcome
@@ -71,10 +70,3 @@ def test_sources_add_up_to_squared_gospa_at_each_scan_of_each_uav_that_works():
             distances.append(gospa(np.reshape(tracks, (-1, 2)), people).distance)
     np.testing.assert_allclose(found.sum(axis=1), np.square(distances), atol=1e-9)
     assert found.any(axis=0).all() and (found >= 0.0).all()
-
-
-def test_the_summary_has_the_means_of_all_sources():
-    recording = record(scans=30)
-    own = summary(recording)["gospa"]["squared_m2"]
-    expected = find_error_sources(recording, Outcome(recording).scores).mean(axis=0)
-    np.testing.assert_allclose([own[name] for name in SOURCES], expected)

@@ -122,11 +122,9 @@ def test_values_that_are_not_finite_are_null_and_labels_are_no_markup():
 @pytest.mark.parametrize(
     ("command", "name", "words"),
     [
-        ("run", "mine:NUMBER", "cannot be imported: 'NUMBER' of mine is of type int, not a class or function"),
         ("compare", "mine:NUMBER", "cannot be imported: 'NUMBER' of mine is of type int, not a class or function"),
         ("compare", "mine:farthest", "is not a metric; expected a sim.facts.metrics.metric.Metric"),
         ("compare", "mine:MORE", "mine:MORE: better: 'more' is unknown; allowed are lower, higher, neither"),
-        ("compare", "nowhere:IT", "cannot be imported: No module named 'nowhere'"),
         ("compare", "ospa.maen_m", "did you mean ospa.mean_m?"),
     ],
 )

@@ -3,9 +3,7 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from helpers.recordings import bare
-from helpers.summaries import hand_made, summary
 
 from sim.facts.metrics.fleet_facts import measure_times_to_find
 from sim.facts.metrics.score import score
@@ -29,9 +27,3 @@ def test_times_to_find_match_the_hand_count():
     recording = dataclasses.replace(bare(people, held), trees=np.array([[0.0, 0.0, 5.0, 3.0, 6.0, 0.2]]))
     found = measure_times_to_find(recording, [score(recording, uav) for uav in range(2)])
     np.testing.assert_allclose(found, [4 / 5, 5 / 5, 0.0, 1 / 5])
-
-
-def test_the_summary_has_the_mean_over_people():
-    recording = hand_made()
-    expected = measure_times_to_find(recording, [score(recording, uav) for uav in range(recording.poses.shape[1])])
-    assert summary(recording)["time_to_find_s"] == pytest.approx(float(expected.mean())) and expected.mean() > 0

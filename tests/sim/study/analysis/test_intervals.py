@@ -119,13 +119,7 @@ def test_maps_needed_are_the_fewest_with_the_power(shift):
     assert power(needed) >= 0.8 > power(needed - 1)
 
 
-def test_maps_needed_find_the_difference_in_four_of_five_and_have_ends():
-    rng = np.random.default_rng(6)
-    values = rng.normal(0, 1, (20, 1))
-    values = (values - values.mean()) / values.std(ddof=1) + 0.5
-    (needed,) = count_maps_needed(values)
-    told = np.array(compute_p_values(rng.normal(0.5, 1.0, (int(needed), 4000)))) <= 0.05
-    assert told.mean() == pytest.approx(0.8, abs=0.03)
+def test_maps_needed_have_ends():
     assert count_maps_needed(np.full((4, 1), 2.0)) == [6.0] and count_maps_needed(np.array([[1.0], [-1.0]])) == [np.inf]
     assert count_maps_needed(1e-6 + np.array([[1.0], [-1.0]])) == [np.inf]
     assert np.isnan(count_maps_needed(np.ones((1, 1)))).all()

@@ -4,7 +4,6 @@ from itertools import product
 
 import numpy as np
 from helpers.trials import row, study
-from matplotlib.colors import to_rgb
 
 from sim.study.analysis.answers import map_points
 from sim.study.analysis.groups import drop_constant_factors, group_rows
@@ -66,43 +65,6 @@ def test_points_are_maps_that_both_flew():
             for s in range(6)
         }
         assert axes.get_xlim() == axes.get_ylim()
-
-
-def test_planners_look_the_same_everywhere_and_apart_to_colour_blind_eyes():
-    found = groups(study(densities=("15", "45", "75")))
-    (layout,) = lay_out_figures(found)
-    colours = [{c.label: c.style for c in curves} for curves in layout.panels.values()]
-    assert colours[0] == colours[1] == colours[2] and len(set(colours[0].values())) == 3
-    (layout,) = lay_out_figures(groups(study(planners=[f"p{i}" for i in range(9)], densities=("15",)), "p0"))
-    styles = [curve.style for curve in next(iter(layout.panels.values()))]
-    assert len({(s.colour, s.dash) for s in styles}) == 9
-    figure = draw_ecdf_figure(layout)
-    assert len({(to_rgb(line.get_color()), line.get_linestyle()) for line in lines(figure.axes[0])}) == 9
-
-
-def factored(**factors):
-    return [tuple(zip(factors, levels, strict=True)) for levels in product(*factors.values())]
-
-
-def test_studies_of_two_and_three_factors_are_drawn_as_in_the_paper():
-    cells = factored(**{"lambda": ["15", "45", "75"], "R": ["1", "5"], "H": ["1", "3", "5"]})
-    rows = [row(f"sma-nbo(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1)]
-    (layout,) = lay_out_figures(groups(rows))
-    assert list(layout.panels) == ["λ = 15", "λ = 45", "λ = 75"] and layout.columns == 3
-    assert [curve.label for curve in next(iter(layout.panels.values()))] == [
-        f"R = {r}, H = {h}" for r in (1, 5) for h in (1, 3, 5)
-    ]
-    styles = {(c.style.colour, c.style.dash) for c in layout.panels["λ = 15"]}
-    assert len(styles) == 6 and len({dash for _, dash in styles}) == 2  # colour: H, dash: R
-    rows = [row(p, 0, c) for c in cells for p in ("sma-nbo", "mcr")]
-    found = lay_out_figures(groups(rows))
-    assert [layout.title for layout in found] == ["R = 1", "R = 5"]
-    assert sum(len(curves) for layout in found for curves in layout.panels.values()) == 36
-    cells = factored(**{"lambda": ["15", "45", "75"], "H": ["1", "3", "5"]})
-    rows = [row(f"{p}(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1) for p in ("sma-nbo", "mcr")]
-    (layout,) = lay_out_figures(groups(rows))
-    assert layout.columns == 3 and len(layout.panels) == 9
-    assert list(layout.panels)[:3] == [f"λ = 15, H = {h}" for h in (1, 3, 5)]
 
 
 def test_missing_curves_and_values_do_not_stop_a_figure():

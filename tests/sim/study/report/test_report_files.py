@@ -1,7 +1,5 @@
 """The report needs nothing but itself, hides nothing, and its commands fly what it shows."""
 
-import csv
-import io
 import os
 import re
 import shlex
@@ -20,7 +18,7 @@ from sim.study.analysis.answers import Difference
 from sim.study.analysis.intervals import Estimate, compute_p_values, count_maps_needed, estimate_means
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.report.comparison import About
-from sim.study.report.report_files import format_duration, format_ranges, make_files, write
+from sim.study.report.report_files import make_files, write
 from sim.study.report.sentences import write_verdict
 from sim.terminal.commands import load_command
 from tracking.errors import InputError
@@ -113,13 +111,6 @@ def test_the_same_rows_in_any_order_give_the_same_files_wrong_names_none(files, 
     assert os.listdir(tmp_path) == []
 
 
-def test_a_metric_that_is_a_run_time_is_in_the_csv_once(without_pictures):
-    about = About("x", metrics=("planning_s_per_decision", "ospa.mean_m"))
-    lines = list(csv.DictReader(io.StringIO(make_files(study(), about)["table.csv"].decode())))
-    places = [(line["lambda"], line["planner"], line["metric"]) for line in lines]
-    assert len(places) == len(set(places)) == 3 * (2 * 3 + 2)
-
-
 def test_verdicts_figures_and_failures_name_the_cell_of_what_they_are_about(without_pictures):
     given = [row("a", s, (("lambda", level),), {"ospa.mean_m": 1.0}) for level in ("15", "75") for s in range(7)]
     given += [row("b", s, (("lambda", "75"),), {"ospa.mean_m": 2.0 + s / 100}) for s in range(7)]
@@ -161,7 +152,9 @@ def test_where_neither_way_is_better_no_map_is_called_best(without_pictures):
     assert "Least and greatest maps</h2>" in text and "a, seed 0: least, 1.00" in text and "best" not in text.lower()
 
 
-def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
+def test_files_are_whole_or_not_there(tmp_path, monkeypatch, without_pictures):
+    files = make_files(rows(), ABOUT)
+
     def written():
         return {path.relative_to(tmp_path).as_posix(): path.read_bytes() for path in tmp_path.rglob("*.*")}
 
@@ -255,13 +248,6 @@ def test_repeats_are_told_and_flown_again(without_pictures):
     worst = [words for words in page.commands() if "--seed 0" in words]
     assert len(worst) == 2 and not any("--repeat" in words for words in worst)
     assert len(page.of("a")) and "seed 7, repeat 2" in text
-
-
-def test_numbers_read_as_people_write_them():
-    shown = [find_shown_metric("ospa.mean_m").text(value, signed=True) for value in (0.0, -0.0, 1e-6, -1e-6, 0.5)]
-    assert shown == ["0.00", "0.00", "+0.00", "-0.00", "+0.50"]
-    assert find_shown_metric("ospa.mean_m").text(-1e-6) == "0.00" and format_ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
-    assert [format_duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium")

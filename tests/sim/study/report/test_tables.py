@@ -16,12 +16,10 @@ from sim.study.analysis.answers import find_answers
 from sim.study.analysis.groups import group_rows
 from sim.study.analysis.intervals import Estimate
 from sim.study.analysis.metric_choice import find_shown_metric
-from sim.study.report import tables
 from sim.study.report.comparison import About
 from sim.study.report.html_parts import make_bullet_list, make_titled_tables
-from sim.study.report.report_files import make_files
 from sim.study.report.sentences import list_shortfalls, write_notes
-from sim.study.report.tables import Entry, format_csv, make_answer_tables, make_entries
+from sim.study.report.tables import format_csv, make_answer_tables
 from sim.study.report.terminal import show
 from tracking.errors import InputError
 
@@ -65,21 +63,6 @@ def test_the_terminal_shows_every_number_whole(width):
         assert re.search(rf"^ *{line} *$", text, flags=re.M), line
     assert ("Maps needed: " in text) == (width >= 100)
     assert text.startswith("Everywhere: R = 5\n") and "λ = 15" in text and "all cells" in text
-
-
-@pytest.mark.parametrize("width", [80, 120])
-def test_long_titles_of_cells_do_not_break_intervals(width):
-    cells = [(("radio range", reach), ("wind", wind)) for reach in ("near", "far") for wind in ("calm", "in gusts")]
-    planners = {"greedy": 2.0, "hover": 1.8}
-    found = [
-        row(p, k, cell, {"ospa.mean_m": 8.0 + rate * k})
-        for p, rate in planners.items()
-        for cell in cells
-        for k in range(4)
-    ]
-    text = shown(found, width, "greedy", ["ospa.mean_m"])
-    assert max(map(len, text.splitlines())) <= width
-    assert len(re.findall(r" hover +4 .*\d\] +-0\.30 \[-0\.\d\d, [+-]0\.\d\d\] +\d, \d, \d ", text)) == len(cells)
 
 
 def test_terminal_and_page_fold_long_names_and_escape_markup():
@@ -130,11 +113,6 @@ def repeated(gap=1.0, seeds=8, repeats=3):
     ]
 
 
-def test_repeats_of_a_map_are_said_to_count_once():
-    assert all("Each map counts once, with the mean of its repeats." in text for text in everywhere(repeated()))
-    assert "Each map counts once" not in shown(repeated(repeats=1), 120)
-
-
 def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
     weak = [msgspec.structs.replace(r, planner="weak") for r in repeated(0.02) if r.planner == "greedy"]
     rows = [*repeated(3.0), *weak]
@@ -182,15 +160,3 @@ def test_the_csv_holds_every_number_in_full_and_nothing_where_there_is_none(rows
             "holm": int(gap.survives) if gap else "",
         }
         assert line == {name: "" if value != value else str(value) for name, value in expected.items()}
-
-
-def test_a_new_column_is_one_entry_for_every_format(monkeypatch, without_pictures):
-    def with_faults(answer, baseline):
-        faulty = Entry("faulty\ntrials", f"{answer.faulty} bad", {"faulty": answer.faulty}, "answer")
-        return [*make_entries(answer, baseline), faulty]
-
-    monkeypatch.setattr(tables, "make_entries", with_faults)
-    files = make_files(study(seeds=2), About("tried"))
-    assert b",maps_needed,faulty\n" in files["table.csv"]
-    assert b'<td data-head="faulty trials">0 bad</td>' in files["report.html"]
-    assert re.search(r"needed +trials *\n", shown(study(), 120)) and " 0 bad " in shown(study(), 80)

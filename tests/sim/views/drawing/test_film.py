@@ -1,7 +1,6 @@
 """The video plays in browsers, shows things where they are, and is there whole or not at all."""
 
 import dataclasses
-import math
 import os
 
 import av
@@ -13,11 +12,9 @@ from msgspec import structs
 
 from sim.facts.metrics.holding import HOLDS
 from sim.views.drawing.film import HEIGHT, WIDTH, Film, Video
-from sim.views.drawing.labels import Labels
 from sim.views.drawing.layout import Box, arrange_parts
 from sim.views.drawing.map_view import MapView
 from sim.views.drawing.palette import (
-    CANOPY,
     FAINT,
     INK,
     LOST,
@@ -25,12 +22,11 @@ from sim.views.drawing.palette import (
     PANEL,
     track_colour,
     uav_colour,
-    uav_dashes,
 )
 from sim.views.scene import MARGIN, SceneMaker
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import Forest, Tree
+from tracking.geometry.visibility import Forest
 from tracking.track import Track
 
 OPEN, ALONE = Forest(()), synthetic.scenario(uavs=1)
@@ -100,17 +96,6 @@ def test_decoded_pictures_are_the_drawn_ones_also_of_a_video_closed_early(tmp_pa
     assert os.listdir(tmp_path) == ["mission.mp4"]
 
 
-def test_the_tile_of_each_uav_wears_its_colour_round_its_own_frame(mission):
-    flat = [np.full((128, 128, 3), 60 + 50 * i, dtype=np.uint8) for i in range(3)]
-    image = drawn(mission, empty(), flat)
-    right = image[:, -40]
-    for i in range(3):
-        rows = np.flatnonzero(np.all(right == 60 + 50 * i, axis=1))
-        assert len(rows) > 150
-        np.testing.assert_array_equal(image[rows[0] - 2, -40], uav_colour(i))
-        np.testing.assert_array_equal(image[rows[-1] + 2, -40], uav_colour(i))
-
-
 def test_frames_people_and_views_that_are_missing_are_not_drawn(mission):
     blank, first = drawn(mission, empty()), mission[2][0]
     assert sum(map(len, first.pixels)) > 0 and np.any(drawn(mission, first)[:, -200:] != blank[:, -200:])
@@ -178,61 +163,6 @@ def test_a_slow_camera_keeps_no_other_cameras_people_in_view():
         image, _ = view.draw(scenes.add(snapshot))
         x, y = pixel(10.0, 5.0)
         assert np.abs(image[y, x].astype(int) - colour).max() < 60
-
-
-@pytest.mark.parametrize("uav", [0, 6, 12])
-def test_views_of_one_colour_have_lines_with_different_dashes(uav):
-    setting = synthetic.scenario(uavs=13)
-    above = [Pose.level(0.0, 0.0, 17.32) if i == uav else Pose.level(500.0, 500.0, 17.32) for i in range(13)]
-    scene = SceneMaker(setting).add(empty(13, poses=above, cameras=above))
-    image, _ = MapView(setting, OPEN, (790, 540)).draw(scene)
-    (left, top), (right, _) = pixel(-10.0, 10.0), pixel(10.0, 10.0)
-    edge = image[top - 1 : top + 3, left + 8 : right - 8].astype(int)
-    drawn = (np.abs(edge - uav_colour(uav)).max(axis=2) < 60).any(axis=0)
-    dash, gap = uav_dashes(uav) or (1, 0)
-    dashes = len(drawn) / (dash + gap) if gap else 0
-    assert drawn.mean() == pytest.approx((dash + 2 * (gap > 0)) / (dash + gap), abs=0.15)  # with round ends
-    assert np.count_nonzero(np.diff(drawn.astype(int)) == 1) == pytest.approx(dashes, abs=1.5)
-
-
-def test_in_a_crowd_uavs_have_names_before_people_and_tracks(monkeypatch):
-    written = []
-    monkeypatch.setattr(Labels, "put", lambda self, text, *_, needed=True, **__: written.append((text, needed)))
-    rng = np.random.default_rng(3)
-    setting = synthetic.scenario(uavs=20, people=80)
-    people = rng.uniform(-45, 45, (80, 2))
-    held = tuple(Track(i, Gaussian(np.array([*place, 0, 0]), np.eye(4))) for i, place in enumerate(people + 1.0))
-    above = [Pose.level(12.0 * i - 42.0, 20.0 * j - 30.0, 5.0) for i in range(5) for j in range(4)]
-    there = {"people": people, "headings": np.zeros(80), "visible": np.zeros((20, 80), int), "tracks": [held] * 20}
-    snapshot = empty(20, poses=above, cameras=above, **there)
-    MapView(setting, OPEN, (790, 540)).draw(SceneMaker(setting).add(snapshot, np.full(80, HOLDS.index("lost"))))
-    assert written[:20] == [(f"UAV {i}", True) for i in range(20)]
-    assert written[20:] == [*((f"person {m}", False) for m in range(80)), *((str(i), False) for i in range(80))]
-
-
-def test_no_name_covers_a_person():
-    rng = np.random.default_rng(1)
-    for _ in range(5):
-        grid = 5.0 * np.array([(i, j) for i in (-1.5, -0.5, 0.5, 1.5) for j in (-1, 1)])
-        people = grid + rng.uniform(-1, 1, (8, 2))
-        held = [Track(i, Gaussian(np.array([x + 2.0, y + 1.0, 0, 0]), np.eye(4))) for i, (x, y) in enumerate(people)]
-        there = {"people": people, "headings": np.zeros(8), "visible": np.ones((1, 8), int), "tracks": [tuple(held)]}
-        image = mapped(one_uav((0.0, 0.0), **there), np.full(8, HOLDS.index("lost")))
-        for place in people:
-            x, y = pixel(*place)
-            assert np.abs(image[y, x].astype(int) - INK).max() < 60
-
-
-def test_porous_crowns_are_paler_the_more_ground_shows_through_them():
-    trees = [
-        Tree(x, 0.0, 5.0, 3.0, 6.0, 0.2, density) for x, density in ((-33, 0.0), (-11, 0.3), (11, 1.5), (33, math.inf))
-    ]
-    view = MapView(synthetic.scenario(), Forest(tuple(trees)), (900, 640))
-    shades = [view._ground[tuple(view.pixels(np.array([tree.x, 2.5]))[::-1].astype(int))].astype(int) for tree in trees]
-    paper, full = np.array(PANEL), 0.6 * np.array(CANOPY) + 0.4 * np.array(PANEL)
-    for tree, shade in zip(trees, shades, strict=True):
-        cover = 1.0 - math.exp(-0.5 * tree.leaf_area_density * 3.0)
-        assert tree.cover == pytest.approx(cover) and np.abs(shade - (cover * full + (1 - cover) * paper)).max() <= 2
 
 
 @pytest.mark.parametrize("aspect", [0.2, 0.7, 1.46, 3.0, 8.0])

@@ -44,28 +44,11 @@ def test_a_uav_that_breaks_down_ends_its_line_and_leaves_the_mean():
     assert [tuple(c.get_offsets()[0]) for c in ends] == [(times[19], ospa[19, 1, 0])]
 
 
-def test_dashes_tell_uavs_of_a_colour_apart():
-    times, ospa = errors(uavs=30)
-    lines = draw_ospa_figure(times, ospa).axes[0].get_lines()[:30]
-    assert len({(to_rgb(line.get_color()), line._unscaled_dash_pattern) for line in map(_hashable, lines)}) == 30
-
-
-def _hashable(line):
-    offset, dashes = line._unscaled_dash_pattern
-    line._unscaled_dash_pattern = offset, tuple(dashes or ())
-    return line
-
-
 @pytest.mark.parametrize(("scans", "uavs"), [(1, 1), (201, 20)])
 def test_any_mission_gives_a_png_and_nothing_else(tmp_path, scans, uavs):
     save(draw_ospa_figure(*errors(scans, uavs)), tmp_path / "ospa.png")
     assert (tmp_path / "ospa.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     assert os.listdir(tmp_path) == ["ospa.png"]
-
-
-def test_a_single_scan_is_shown_as_dots():
-    lines = draw_ospa_figure(*errors(scans=1)).axes[0].get_lines()
-    assert [line.get_marker() for line in lines if len(line.get_xdata()) == 1] == 4 * ["."]
 
 
 def test_equal_data_give_equal_files_and_a_failure_none(tmp_path):

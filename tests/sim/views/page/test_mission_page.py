@@ -17,9 +17,7 @@ from helpers.html_pages import Page
 
 from sim.__main__ import COMMANDS
 from sim.facts.flight import Flight, find_scans
-from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.holding import HOLDS
-from sim.facts.metrics.metric import Outcome
 from sim.facts.people import BROKEN, STATES, PeopleFacts
 from sim.mission.recording import encode_faults
 from sim.mission.trial import Trial
@@ -140,36 +138,6 @@ def test_the_data_are_those_of_the_recording(mission, text):
     ]
 
 
-def test_bars_of_the_timeline_are_the_states_of_the_history(mission, text):
-    timeline, history = data_of(text)["timeline"], PeopleFacts(mission)
-    shades = [*timeline["shades"]]
-    for m, row in enumerate(timeline["rows"]):
-        for i, lane in enumerate(row["lanes"]):
-            states = [STATES[state] if state != BROKEN else None for state in history.camera_states[:, i, m]]
-            drawn = {k: shades[bar[0]] for bar in lane for k in range(bar[1], bar[2] + 1)}
-            colours = (OUT_OF_VIEW, HIDDEN, pale(uav_colour(i)), uav_colour(i))
-            known = dict(zip(STATES[1:], map(format_css, colours), strict=True))
-            assert drawn == {k: known[state] for k, state in enumerate(states) if state in known}
-        drawn = {k: shades[bar[0]] for bar in row["holds"] for k in range(bar[1], bar[2] + 1)}
-        holds = {k: HOLDS[hold] for k, hold in enumerate(history.hold_states[:, m]) if HOLDS[hold] != "absent"}
-        assert drawn == {k: format_css(HOLD_COLOURS[hold]) for k, hold in holds.items()}
-
-
-def test_data_take_few_bytes():
-    data = make_page_data(Flight(flown(scans=201)), None)
-    assert len(json.dumps(data, separators=(",", ":"))) < 500_000
-
-
-def test_porous_trees_are_on_the_page_with_their_leaves_and_cover(mission):
-    density = np.where(np.arange(len(mission.trees)) % 2, np.inf, 0.4)
-    porous = dataclasses.replace(mission, trees=np.column_stack([mission.trees, density]))
-    text = make_page(Flight(porous), video=None)
-    count = len(density)
-    assert [tree[4] for tree in data_of(text)["trees"]] == [1.0 if k % 2 else 0.45 for k in range(count)]
-    assert f"{count}, canopies of 5 m, leaf area 0.4 m²/m³ in {(count + 1) // 2}" in text
-    assert "leaf area" not in make_page(Flight(mission), video=None)
-
-
 def test_the_page_of_a_long_mission_has_scans_at_equal_gaps_and_says_so(monkeypatch, mission):
     monkeypatch.setattr("sim.views.page.charts.MOST_SCANS", 6)  # of 21: each fourth
     text = make_page(Flight(mission), video=None)
@@ -251,34 +219,6 @@ def test_settings_other_than_the_defaults_stand_on_the_page():
     assert "All settings are the defaults." in make_page(Flight(plain)).partition("</header>")[0]
 
 
-def facts(recording):
-    """The facts at the top of a recording's page, by their names."""
-    header = make_page(Flight(recording)).partition("</header>")[0]
-    return dict(re.findall("<dt>(.*?)</dt><dd>(.*?)</dd>", header))
-
-
-def test_the_header_has_the_results_that_a_run_shows(mission):
-    recording = mission
-    outcome = Outcome(recording)
-    gospa, held = METRICS["gospa.mean_m"](outcome), METRICS["share_held"](outcome)
-    shown = facts(recording)
-    assert shown["GOSPA mean"] == f"{gospa:.2f} m" and shown["people held"] == f"{100 * held:.1f} %"
-    assert [*shown][:4] == ["OSPA under 1 m", "OSPA mean", "GOSPA mean", "people held"]
-
-
-def test_the_header_names_a_packaged_scenario_and_writes_shares_with_a_space():
-    recording = flown(scans=6)
-    assert "scenario" not in facts(recording)  # its settings are its own
-    packaged = dataclasses.replace(recording, scenario=encode_scenario(load_scenario("paper", ["duration=1"])))
-    assert facts(packaged)["scenario"] == "paper"
-    lossy = dataclasses.replace(recording, scenario=encode_scenario(load_scenario("forest", ["network.loss=0.2"])))
-    assert facts(lossy)["fusion"].endswith(", loss 20 %") and "scenario" not in facts(lossy)
-    outside = dataclasses.replace(
-        recording, scenario=encode_scenario(load_scenario("forest", ["tracking.tracker=soup:SoupJPDA"]))
-    )
-    assert facts(outside)["tracker"] == "soup:SoupJPDA" and "fusion" not in facts(outside)
-
-
 def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
     recording = flown(scans=6)
     faults = [Fault(0.2 * k, None, message) for k, message in enumerate(["<i>a</i>", "<i>a</i>", "b", "c", "d"])]
@@ -294,3 +234,18 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
     still = dataclasses.replace(recording, ospa=np.where(np.arange(3)[:, None] == 1, np.nan, recording.ospa))
     header = make_page(Flight(dataclasses.replace(still, faults=encode_faults([broken])))).partition("</header>")[0]
     assert 'class="warning"' not in header
+
+
+def test_bars_of_the_timeline_are_the_states_of_the_history(mission, text):
+    timeline, history = data_of(text)["timeline"], PeopleFacts(mission)
+    shades = [*timeline["shades"]]
+    for m, row in enumerate(timeline["rows"]):
+        for i, lane in enumerate(row["lanes"]):
+            states = [STATES[state] if state != BROKEN else None for state in history.camera_states[:, i, m]]
+            drawn = {k: shades[bar[0]] for bar in lane for k in range(bar[1], bar[2] + 1)}
+            colours = (OUT_OF_VIEW, HIDDEN, pale(uav_colour(i)), uav_colour(i))
+            known = dict(zip(STATES[1:], map(format_css, colours), strict=True))
+            assert drawn == {k: known[state] for k, state in enumerate(states) if state in known}
+        drawn = {k: shades[bar[0]] for bar in row["holds"] for k in range(bar[1], bar[2] + 1)}
+        holds = {k: HOLDS[hold] for k, hold in enumerate(history.hold_states[:, m]) if HOLDS[hold] != "absent"}
+        assert drawn == {k: format_css(HOLD_COLOURS[hold]) for k, hold in holds.items()}
