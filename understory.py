@@ -41,9 +41,8 @@ from planning.prediction.quadrangle import inside, shortest_move
 from planning.prediction.response import mean_velocities, response
 from planning.testing.made_up_teams import make_random_team
 from sim.environments.observations import Observations
-from sim.exchange.export import EXPORTS, LABELS
+from sim.exchange.export import EXPORTS, LABELS, write_labelled_images
 from sim.exchange.export import export as write_export
-from sim.exchange.labelled_images import write_labelled_images
 from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.flight import Flight, load
@@ -80,8 +79,7 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, visible_samples
-from tracking.metrics.gospa import gospa
-from tracking.metrics.ospa import ospa
+from tracking.metrics.ospa import gospa, ospa
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length

@@ -27,16 +27,7 @@ def cell(name: str) -> Array:
 
 
 def disc(mesh: Mesh, centre: Array, radius: float, *, sides: int, uvs: Array, up: bool = True) -> None:
-    """Add a horizontal regular polygon.
-
-    Args:
-        mesh: Takes it.
-        centre: (3,) m.
-        radius: Distance of corners from the centre, m.
-        sides: Number of corners.
-        uvs: Texture coordinates, (2,) of one colour or (sides, 2).
-        up: True if it faces up, False if down.
-    """
+    """Add a horizontal regular polygon with corners `radius` m from a centre (3,) m; uvs: (2,) or (sides, 2)."""
     angle = np.arange(sides) * 2 * math.pi / sides * (1 if up else -1)
     ring = centre + radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(sides)])
     mesh.polygon(ring, uvs, normal=(0.0, 0.0, 1.0 if up else -1.0))
@@ -65,15 +56,7 @@ def limb(mesh: Mesh, ends: list[tuple[float, ...]], colour: str, *, sides: int =
 
 
 def ball(mesh: Mesh, centre: Array, radii: Array, colour: str, *, span: tuple[float, float] = (0.0, 1.0)) -> None:
-    """Add an ellipsoid, or a slice of it.
-
-    Args:
-        mesh: Takes it.
-        centre: (3,) m.
-        radii: (3,) m, along the axes.
-        colour: One of `PALETTE`.
-        span: Where the slice begins and ends, as shares of the way down from the pole.
-    """
+    """Add an ellipsoid with radii (3,) m about a centre (3,) m, or the slice at a span of shares of the way down."""
     theta = np.linspace(span[0] * math.pi, span[1] * math.pi, 5)[:, None]
     phi = np.linspace(0.0, 2 * math.pi, 9)[None, :]
     unit = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi], axis=-1)

@@ -41,14 +41,9 @@ def plantation(rng: np.random.Generator) -> list[str]:
 
 
 def rows(places: Array, dbh: Array, ratios: Array, species: list[str], rng: np.random.Generator) -> list[str]:
-    """Rows of the file.
+    """Rows of the file, for trees at places (T, 2) m with diameters at breast height (T,) cm.
 
-    Args:
-        places: (T, 2) m.
-        dbh: Diameters at breast height (T,) cm.
-        ratios: Shares (T,) of the heights that crowns take.
-        species: One name a tree.
-        rng: Scatter of heights and crowns.
+    ratios (T,): shares of the heights that crowns take. `rng` scatters heights and crowns.
     """
     log = np.log(dbh)
     heights = np.exp(0.893 + 0.760 * log - 0.0340 * log * log + rng.normal(0.0, SCATTER, len(dbh)))

@@ -40,7 +40,7 @@ from tracking.fusion.consensus import step
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import Forest
 from tracking.metrics.clearmot import count_switches, find_correspondence
-from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import gospa
 from tracking.numerics.arrays import Array
 from tracking.parameters import TrackerParameters
 from tracking.track import Scan

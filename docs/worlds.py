@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from sim.mission.world_setup import make_forest_and_people
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.study.definition import read_study
 
@@ -46,7 +46,7 @@ def main() -> None:
     """Draw all worlds."""
     FOLDER.mkdir(exist_ok=True)
     for name in read_study("bench-1").scenarios:
-        picture(load(name)).savefig(FOLDER / f"{name}.png", dpi=80, metadata={"Software": None})
+        picture(load_scenario(name)).savefig(FOLDER / f"{name}.png", dpi=80, metadata={"Software": None})
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
 from tracking.parameters import AssociationSettings, TrackerParameters
+from tracking.track import Beliefs
 
 _AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating batches save time
 # Probability that two people in one place give one measurement, and the distance [m] over which it falls.
@@ -24,7 +25,7 @@ class ScanPrediction(NamedTuple):
 
     means: Array  # (T, 4)
     covariances: Array  # (T, 4, 4)
-    undetected: tuple[Array, Array]  # means and covariances, given that the scan does not detect the person
+    undetected: Beliefs  # given that the scan does not detect the person
     existence: Array  # (T,)
     visible: Array  # (T,), probability of being in plain view
     detectable: Array  # (T,), `visible`, but less if frames before showed no person there or if another person is near
@@ -32,8 +33,9 @@ class ScanPrediction(NamedTuple):
     def select(self, rows: Indices) -> ScanPrediction:
         """Prediction of some of the tracks."""
         means, covariances = self.undetected
+        undetected = Beliefs(means[rows], covariances[rows])
         rest = self.existence[rows], self.visible[rows], self.detectable[rows]
-        return ScanPrediction(self.means[rows], self.covariances[rows], (means[rows], covariances[rows]), *rest)
+        return ScanPrediction(self.means[rows], self.covariances[rows], undetected, *rest)
 
 
 class ScanUpdate(NamedTuple):
@@ -56,14 +58,10 @@ def predict_scan(
 ) -> ScanPrediction:
     """Prediction from beliefs at a scan's time.
 
-    Args:
-        beliefs: Means (T, 4) and covariances (T, 4, 4).
-        existence: Existence probabilities (T,).
-        seen: Flags (T, 36) of the samples in view.
-        missed: Likelihoods (T, 36) as from `tracking.filter.negative_information.miss_likelihood`.
-        p: Parameters of the tracker.
+    beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,): probabilities; seen (T, 36): flags of the samples
+    in view; missed (T, 36): likelihoods as from `tracking.filter.negative_information.miss_likelihood`.
     """
-    undetected = negative_information_update(*beliefs, temper(missed, p.settings.negative_information))
+    undetected = Beliefs(*negative_information_update(*beliefs, temper(missed, p.settings.negative_information)))
     detectable = (1.0 - missed.sum(axis=1) / missed.shape[1]) / p.settings.detection_probability
     if p.settings.management == "existence":
         detectable *= 1.0 - _compute_unresolved_probability(beliefs[0], existence)
@@ -92,13 +90,8 @@ def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
     """Associate a scan's measurements with tracks, and update the tracks.
 
     Large scenes are updated by independent gating batches. The result is the same, up to the rounding of existence.
-
-    Args:
-        before: Tracks predicted to the scan.
-        z: Measurements (N, 2) m.
-        R: Their covariances (N, 2, 2) m².
-        lost: Density of lost people (N,) as in `associate`.
-        p: Parameters of the tracker.
+    z (N, 2) m and R (N, 2, 2) m²: measurements and their covariances; lost (N,): density of lost people as in
+    `associate`.
     """
     count = len(before.means)
     if count * len(z) <= _AT_ONCE:
@@ -121,17 +114,10 @@ def associate(
 ) -> tuple[Array, Array, Array, Array]:
     """Associate measurements with tracks.
 
-    Args:
-        before: Tracks predicted to the scan.
-        z: Measurements (N, 2) m.
-        R: Their covariances (N, 2, 2) m².
-        lost: Density (N,) 1/m² of lost people away from their tracks at each measurement. It adds to the density of
-            clutter, which is equivalent to lower likelihoods.
-        settings: `TrackerParameters.association`.
-
-    Returns:
-        The likelihood (T, N) 1/m² of each measurement for each track, zero outside the gate, and the results of
-        `tracking.association.jpda.existence_association`.
+    z (N, 2) m and R (N, 2, 2) m²: measurements and their covariances; lost (N,) 1/m²: density of lost people away from
+    their tracks at each measurement, which adds to the density of clutter. That is equivalent to lower likelihoods.
+    Returns the likelihood (T, N) 1/m² of each measurement for each track, zero outside the gate, and the results of
+    `tracking.association.jpda.existence_association`.
     """
     clutter = settings.clutter_density
     likelihood = gated_likelihood(before.means, before.covariances, z, R, settings.gate_probability)

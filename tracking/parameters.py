@@ -113,8 +113,7 @@ class TrackerParameters:
     ) -> None:
         """Parameters with the settings, of which some may be changed by name: `TrackerParameters(m, survival=0.9)`.
 
-        fusion: rule of fusion, see `tracking.fusion.rule`; navigation: errors of the UAV's pose. InputError if a
-        changed setting is unknown or out of its bounds.
+        InputError if a changed setting is unknown or out of its bounds.
         """
         self.motion = motion
         self.settings = settings

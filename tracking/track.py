@@ -66,12 +66,8 @@ def make_tracks(
 ) -> tuple[Track, ...]:
     """Tracks with copies of these arrays. A sighting becomes NaN if its time is below 0 or NaN.
 
-    Args:
-        ids: Ids (T,).
-        means: Means (T, 4).
-        covariances: Covariances (T, 4, 4).
-        existence: Existence probabilities (T,).
-        sightings: Positions and times (T, 3) of the last sure detections.
+    ids (T,); means (T, 4); covariances (T, 4, 4); existence (T,): probabilities; sightings (T, 3): positions and times
+    of the last sure detections.
     """
     known = np.where(sightings[:, 2:] >= 0.0, sightings, np.nan)
     rows = zip(ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), known, strict=True)

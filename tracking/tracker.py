@@ -40,8 +40,6 @@ from tracking.track import (
     make_tracks,
 )
 
-__all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
-
 _VIEWED = 1e-4  # weight of a belief in view without a detection, which matters only if no UAV detected the person
 _SHARED_WITHIN = 1.0  # s since the last detection of each of two tracks that share one person
 _MOST_NEW = IDS_PER_SCAN // 2  # largest number of new tracks in a scan

@@ -58,7 +58,8 @@ class UndetectedIntensity:
         rows, columns = raster_shape(area)
         even = np.full((rows, columns), people / (rows * columns))
         self.belief = Intensity(even, (-width / 2, -height / 2), (width / columns, height / rows))
-        self._detection, self._pace = detection, pace
+        self._detection = detection
+        self._pace = pace
         self._time = 0.0
         self._tracks: dict[int, Gaussian] = {}
 

@@ -57,14 +57,8 @@ def lower_times_to_view(
 
     It flies straight at full speed, until the target is in the largest circle about its aim point; the time is negative
     if it is there.
-
-    Args:
-        seconds: Times (LANES,) s, changed in place.
-        belief: Predicted belief.
-        ahead: Radii of the UAVs' views, and their speeds.
-        target: Row of the target.
-        uav: Row of the UAV.
-        cameras: Positions (2, LANES) m of the UAV at the end of the horizon.
+    `target` and `uav` are rows of the belief, and `ahead` has the UAVs' radii and speeds. seconds (LANES,) s are
+    changed in place; cameras (2, LANES) m: positions of the UAV at the end of the horizon.
     """
     place, aim, radius, speed = belief.points[-1, target, 0], belief.views[uav, 4], ahead.radii[uav], ahead.speeds[uav]
     x, y = place[0] - aim[0], place[1] - aim[1]

@@ -22,15 +22,9 @@ def add_penalties(
     Note: a target that is in a field of view but hidden gets no match, because its p^MDO, the least displacement after
     which the field of view covers it, would be zero.
 
-    Args:
-        targets: Places (T, 2 or 3) m.
-        traces: Traces (T, LANES) m² of their position covariances.
-        seen: Flags (T,) of targets in view of UAVs that do not decide.
-        ends: Places (n, 2) m of those UAVs.
-        uavs: Rows (k,) of the UAVs that decide.
-        own: Their places (k, 2, LANES) m.
-        views: Fields of view (n, 5, 3) as in `field_of_view.view_quadrangle`.
-        sums: Sums (LANES,), changed in place.
+    targets (T, 2 or 3) m; traces (T, LANES) m² of their position covariances; seen (T,): flags of targets in view of
+    UAVs that do not decide; ends (n, 2) m: places of those UAVs; own (k, 2, LANES) m: places of the UAVs that decide,
+    in rows `uavs`; views (n, 5, 3) as in `field_of_view.view_quadrangle`; sums (LANES,) are changed in place.
     """
     unseen, left, sensors = np.empty((len(targets), LANES)), np.empty((len(targets), 3)), np.empty((len(ends), 3))
     for t in range(len(targets)):

@@ -5,12 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.cost_to_go import (
-    NO_COST_TO_GO,
-    CostToGo,
-    lower_times_to_view,
-    replace_by_future_errors,
-)
+from planning.objective.cost_to_go import NO_COST_TO_GO, CostToGo, lower_times_to_view, replace_by_future_errors
 from planning.objective.mwtp import add_penalties
 from planning.objective.terms import Objective
 from planning.prediction.predicted_belief import (

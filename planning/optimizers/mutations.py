@@ -55,13 +55,8 @@ def mutate_plans(parents: Array, drawn: Chances, spread: float, max_speeds: Arra
     - join: the mate's path from some step on.
 
     Noise and bends have the size of `spread` maximum speeds, times a random factor.
-
-    Args:
-        parents: Plans (E, k, H, 2) m/s, which have equally many children.
-        drawn: The random numbers behind the children.
-        spread: Size of the noise, in maximum speeds.
-        max_speeds: Speed limits (k,) m/s.
-        in_reach: Targets that can be brought into view.
+    parents (E, k, H, 2) m/s have equally many children; drawn: the random numbers behind these; max_speeds (k,) m/s;
+    in_reach: targets that can be brought into view.
     """
     _, k, H, _ = parents.shape
     out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))
@@ -210,12 +205,8 @@ def _limit(plans: Array, c: int, max_speeds: Array) -> None:
 def choose_distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: Array) -> Indices:
     """Indices of plans, taken in order, each with a path that is apart from the paths taken before.
 
-    Args:
-        plans: Plans (N, k, H, 2) m/s.
-        order: Indices of plans in the order of choice.
-        most: Largest number of plans to choose.
-        apart: Root mean square over UAVs and steps of the distance of two paths, in steps at maximum speed.
-        max_speeds: Speed limits (k,) m/s.
+    plans (N, k, H, 2) m/s are taken in `order` until there are `most`; apart: root mean square over UAVs and steps of
+    the distance of two paths, in steps at maximum speed; max_speeds (k,) m/s.
     """
     _, k, H, _ = plans.shape
     chosen, count = np.empty(most, dtype=np.int64), 0

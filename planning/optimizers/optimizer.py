@@ -36,12 +36,8 @@ class Optimizer(Protocol):
     ) -> Array:
         """The best plans (k, H, 2) m/s that are found.
 
-        Args:
-            objective: Costs of plans; if targets in reach are given, it also takes the argument `ease`.
-            starts: Plans (S, k, H, 2) m/s to begin with.
-            max_speeds: Speed limits (k,) m/s.
-            rng: The only source of random numbers.
-            in_reach: Targets that can be brought into view, which an optimiser may ignore.
+        If targets in reach are given, the objective also takes the argument `ease`; an optimiser may ignore both.
+        starts (S, k, H, 2) m/s; max_speeds (k,) m/s; rng: the only source of random numbers.
         """
 
 

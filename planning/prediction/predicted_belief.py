@@ -10,10 +10,7 @@ from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
-from tracking.geometry.line_of_sight import (
-    Vector,
-    lower_detectable_shares,
-)
+from tracking.geometry.line_of_sight import Vector, lower_detectable_shares
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -148,14 +145,8 @@ def add_information(
 
     Under porous trees it is weighted with the probability of detection. The trace after this expected information is
     a lower bound of the expected trace (Jensen's inequality).
-
-    Args:
-        belief: Predicted belief.
-        uav: Row of the UAV.
-        cameras: Places (2, LANES) m of its camera.
-        row: Index of the (step, target, trajectory) triple.
-        information: Information (3 LANES,): xx, xy, yy.
-        free: A workspace (LANES,).
+    uav: its row; cameras (2, LANES) m: places of its camera; row: index of the (step, target, trajectory) triple;
+    information (3 LANES,): xx, xy, yy; free (LANES,): a workspace.
     """
     points, quality, offsets = belief.points, belief.quality[uav], belief.offsets
     targets, count, height = points.shape[1], points.shape[2], belief.positions[uav, 2]
@@ -240,13 +231,7 @@ def advance_with_gains(P: Array, transition: Transition, noise: Array, informati
     with the predicted position block and the measurements' information J. By the chain rule, the sum over steps is
     the mutual information between the path and all measurements. This sum is monotone and submodular in the
     measurements, because they are independent given the path [Krause05].
-
-    Args:
-        P: Covariances (10 LANES,) as in `advance_belief`, changed in place.
-        transition: Of velocities over a step.
-        noise: Process noise (3,) of a step.
-        information: Information (3 LANES,) of the measurements.
-        costs: Costs (LANES,), overwritten.
+    P (10 LANES,), noise (3,) and information (3 LANES,) are those of `advance_belief`; costs (LANES,) are overwritten.
     """
     way, _ = transition
     for k in range(LANES):

@@ -46,14 +46,8 @@ def grow(tree: SearchTree, moves: Moves, team: Team, draws: Array, fading: Array
     Each iteration draws the others' sequences, descends by discounted upper confidence bounds (D-UCT), tries a new
     control, completes the sequence at random, and adds the reward to the nodes on its path. The reward is the gain over
     the others' information.
-
-    Args:
-        tree: The tree, changed in place.
-        moves: Places in reach by sequences of controls.
-        team: Beliefs on people and on the sequences of the others.
-        draws: Uniform numbers (I, n - 1 + H).
-        fading: Powers of the discount.
-        exploration: Weight of the confidence bounds.
+    The tree is changed in place. draws (I, n - 1 + H): uniform numbers; fading: powers of the discount; exploration:
+    weight of the confidence bounds.
     """
     H = tree.sequences.shape[1]
     controls, path = np.empty(H, np.int64), np.zeros(H + 1, np.int64)  # each path begins at the root

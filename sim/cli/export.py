@@ -7,16 +7,15 @@ from typing import Annotated
 
 import typer
 
-from sim.exchange.export import EXPORTS, LABELS
+from sim.exchange.export import EXPORTS, LABELS, write_labelled_images
 from sim.exchange.export import export as write_export
-from sim.exchange.labelled_images import write_labelled_images
 from sim.mission.archive import find_recording
 from sim.mission.atomic_files import claim_place
 from sim.mission.recording import Recording
 from sim.mission.trial import Trial
 from sim.mission.warmup import announce_compilation
 from sim.running.fly import fly_mission
-from sim.scenario.loading import SCENARIOS, load, place_of
+from sim.scenario.loading import SCENARIOS, load_scenario, place_of
 from sim.scenario.quantities import parse_duration, parse_integers
 from sim.terminal.commands import Duration, Overrides, find_folder, merge_overrides
 from sim.terminal.console import say, show_files
@@ -88,7 +87,7 @@ def export(
     else:
         changes = [*_FLOWN_WITH, *merge_overrides(overrides, duration)]
         flights = [
-            Trial(load(name, changes), planner or "greedy", seed, place=place_of(name, changes))
+            Trial(load_scenario(name, changes), planner or "greedy", seed, place=place_of(name, changes))
             for name in recorded
             for seed in parse_integers(seeds, "--seeds")
         ]

@@ -18,7 +18,7 @@ from sim.mission.world_setup import find_scenario_remarks
 from sim.running.fly import is_built_in
 from sim.running.results import run_mission
 from sim.running.timed_run import run_with_timeout
-from sim.scenario.loading import load, place_of
+from sim.scenario.loading import load_scenario, place_of
 from sim.scenario.quantities import parse_duration, parse_seed_and_repeat
 from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
 from sim.terminal.console import console, print_remarks, say, show_files, show_place
@@ -62,7 +62,7 @@ def run(
 ) -> None:
     """Fly one mission. A new folder gets its recording, summary, film, page, OSPA curve and timeline."""
     changes = merge_overrides(overrides, duration)
-    setting = load(scenario, changes)
+    setting = load_scenario(scenario, changes)
     trial = Trial(setting, planner, *parse_seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
     with prefix_errors(trial.place):

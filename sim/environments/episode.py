@@ -15,7 +15,7 @@ from sim.mission.snapshot import Snapshot, find_reported_positions
 from sim.running.fly import record
 from sim.scenario.scenario import Scenario
 from sim.views.drawing.film import Film
-from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import gospa
 from tracking.numerics.arrays import Array
 
 NAME = "environment"  # shown as the planner on films and in recordings

@@ -10,7 +10,6 @@ import numpy as np
 from gymnasium import error, logger, spaces
 from numpy.typing import NDArray
 
-from sim.environments import true_state
 from sim.environments.episode import Episode
 from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
 from sim.environments.rewards import ON_BELIEF, Reward, find_reward
@@ -29,6 +28,9 @@ _OBSERVE = {"tracks": 10, "trees": 10, "image": False, "flat": False}
 _MOST_ROWS = 10_000
 _REPORTED = 2**32  # seeds below this are reserved for reports
 _OPTIONS = ("repeat", "settings")  # of `reset`
+# Columns of UAVs and people in the true state.
+_UAV = ("x", "y", "z", "vx", "vy", "works")
+_PERSON = ("x", "y", "vx", "vy", "present")
 Observation = Observed | NDArray[np.float32]
 
 
@@ -105,7 +107,7 @@ class MissionEnvironment:
     @cached_property
     def state_space(self) -> spaces.Box:
         """Space of `state`, with room for as many people as the scenario has."""
-        return true_state.make_space(len(self._uavs), count_people(self._scenario))
+        return _make_real_space(1 + len(_UAV) * len(self._uavs) + len(_PERSON) * count_people(self._scenario))
 
     def state(self) -> NDArray[np.float32]:
         """The true state of the mission as a vector, for training only: a policy may not use it in flight.
@@ -113,7 +115,7 @@ class MissionEnvironment:
         Time [s]; of each UAV x, y, z [m], velocity east and north [m/s], and 1 if it works; of each person x, y [m],
         velocity east and north [m/s], and 1 if present. What is absent is zero.
         """
-        return true_state.make_state(self._require_episode(), self.state_space)
+        return _make_state(self._require_episode(), self.state_space.shape[0])
 
     def _require_episode(self) -> Episode:
         """The episode since the last reset; `ResetNeeded` if there was no reset."""
@@ -261,3 +263,21 @@ def make_mask_space(*shape: int) -> spaces.Box:
 
 def _make_real_space(*shape: int) -> spaces.Box:
     return spaces.Box(-np.inf, np.inf, shape, np.float32)
+
+
+def _make_state(episode: Episode, size: int) -> NDArray[np.float32]:
+    """Time, UAVs and people at the present decision, then zeros; InputError if there are more people than rows."""
+    now, mission = episode.now, episode.mission
+    uavs = np.zeros((len(now.poses), len(_UAV)))
+    uavs[:, :3] = [pose.position for pose in now.poses]
+    for uav, situation in episode.team.items():
+        uavs[uav, 3:] = *situation.own.velocity, 1.0
+    half, end = 0.5 / mission.scenario.rates.sensing, float(mission.people.times[-1])
+    begun, ended = max(0.0, now.time - half), min(now.time + half, end)
+    moved = mission.people.at(ended).positions - mission.people.at(begun).positions
+    present = ~np.isnan(now.people[:, :1])
+    people = np.nan_to_num(np.hstack([now.people, moved / (ended - begun), present]))
+    found = np.concatenate([[now.time], uavs.ravel(), people.ravel()])
+    if len(found) > size:
+        raise InputError(f"state: has no room for {len(people)} people; make the environment with as many")
+    return np.pad(found, (0, size - len(found))).astype(np.float32)

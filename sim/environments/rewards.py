@@ -9,7 +9,7 @@ from planning.planner import Situation
 from sim.facts.metrics.holding import FAR
 from sim.mission.snapshot import find_reported_positions
 from tracking.errors import check_known
-from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import gospa
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array
 from tracking.track import beliefs_of

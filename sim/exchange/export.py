@@ -1,17 +1,22 @@
-"""The formats in which recordings are exported, by name: a row each."""
+"""The formats in which recordings are exported, by name: a row each; and labelled images, rendered again."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+
+import numpy as np
 
 from sim.exchange.csv_files import write_csv
 from sim.exchange.image_labels import write_coco, write_yolo
 from sim.exchange.mot import write_mot
 from sim.exchange.ros_mission import write_rosbag
 from sim.exchange.tables import write_stonesoup, write_tables
-from sim.exchange.values import LabelledImage
+from sim.exchange.values import SPLITS, LabelledImage, ShownPerson
+from sim.facts.rerender import Rerenderer
 from sim.mission.atomic_files import make_new_folder
 from sim.mission.recording import Recording
+from sim.views.frames.frame_panels import encode_png
 from tracking.errors import check_known
+from tracking.numerics.arrays import Flags
 
 # What writes a recording into a folder that is new.
 EXPORTS: dict[str, Callable[[Recording, Path], None]] = {
@@ -37,3 +42,55 @@ def export(recording: Recording, target: str, out: Path, *, truth: bool = True) 
             EXPORTS[target](recording, folder)
         else:
             write_rosbag(recording, folder, truth=False)
+
+
+def write_labelled_images(
+    recordings: Iterable[Recording], target: str, out: Path, *, splits: Mapping[int, str], every: float = 0.0
+) -> None:
+    """Write a data set of images of missions flown here, rendered again, completely or not at all.
+
+    target: one of `LABELS`. splits: `val` or `test` for seeds whose images are not to be learned from. every: least
+    time [s] between two images of one camera.
+    """
+    with make_new_folder(out) as folder:
+        LABELS[target](_write_images(recordings, folder, splits, every), folder)
+
+
+def _write_images(
+    recordings: Iterable[Recording], folder: Path, splits: Mapping[int, str], every: float
+) -> Iterator[LabelledImage]:
+    """Write images, and yield their labels."""
+    for flight, recording in enumerate(recordings):
+        split = splits.get(recording.seed, SPLITS[0])
+        place = folder / "images" / split
+        place.mkdir(parents=True, exist_ok=True)
+        with Rerenderer(recording) as again:
+            for k, uav in _choose_frames(recording, every):
+                view = again.rendered(k, uav)
+                people = []
+                for m in np.unique(view.people[view.people >= 0]).tolist():
+                    mask = view.people == m
+                    shown = int(mask.sum())
+                    whole = max(shown, again.count_whole(k, uav, m))  # OpenGL may show a pixel more
+                    people.append(ShownPerson(m, mask, _find_box(mask), shown / whole))
+                labelled = LabelledImage(split, flight, recording, k, uav, people)
+                (place / f"{labelled.name}.png").write_bytes(encode_png(view.image))
+                yield labelled
+
+
+def _choose_frames(recording: Recording, every: float) -> list[tuple[int, int]]:
+    """Scan and UAV of each frame to label, in order of time."""
+    chosen = []
+    for uav in range(recording.uav_count):
+        due = 0.0
+        for k in np.flatnonzero(recording.frames_taken[:, uav]).tolist():
+            if recording.times[k] >= due - 1e-9:
+                chosen.append((k, uav))
+                due = float(recording.times[k]) + every
+    return sorted(chosen)
+
+
+def _find_box(mask: Flags) -> tuple[int, int, int, int]:
+    columns = np.flatnonzero(mask.any(axis=0)).tolist()
+    rows = np.flatnonzero(mask.any(axis=1)).tolist()
+    return columns[0], rows[0], columns[-1] + 1 - columns[0], rows[-1] + 1 - rows[0]

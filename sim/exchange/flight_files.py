@@ -9,14 +9,7 @@ from sim.exchange.csv_files import read_cameras, read_detections, read_forest, r
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
 from sim.exchange.ros_flight import find_bag, read_bag
-from sim.exchange.values import (
-    CameraFrames,
-    LoggedFlight,
-    LoggedFrame,
-    LoggedUav,
-    PoseLog,
-    find_gap,
-)
+from sim.exchange.values import CameraFrames, LoggedFlight, LoggedFrame, LoggedUav, PoseLog, find_gap
 from tracking.errors import InputError, list_numbers, spell
 from tracking.geometry.visibility import Forest
 

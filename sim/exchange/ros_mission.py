@@ -25,7 +25,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera
 from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
 from tracking.geometry.quaternions import rotation
-from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import gospa
 from tracking.numerics.arrays import Array
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
@@ -67,7 +67,7 @@ def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
                 for topic, poses in odometry.items():
                     bag.write(topic, time, _describe_motion(recording, k, i, poses), i)
                 bag.write(ros.COMMAND, time, (head(time), {"linear": (*recording.commands[k, i].tolist(), 0.0)}), i)
-                camera = recording.setting.uavs[i].true_camera
+                camera = recording.setting.uavs[i].believed_camera
                 if k == 0 or snapshot.frames[i]:
                     bag.write(ros.CAMERA_INFO, time, _describe_camera(time, i, camera), i)
                 if snapshot.frames[i]:

@@ -41,16 +41,14 @@ def head(time: float, frame: str = WORLD) -> tuple[tuple[int, int], str]:
 
 def draw_forest(recording: Recording) -> RosMessage:
     """The edge of the area, trunks and canopies."""
-    area, trees = recording.setting.area, recording.forest.trees
+    area, forest = recording.setting.area, recording.forest
     x, y = area.width / 2, area.height / 2
     corners = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0), (-x, -y, 0.0)]
     found = [_draw_line(0.0, _Ink("area", 0, FAINT), corners)]
-    cylinders = recording.forest.cylinders.tolist()
-    opacities = [1.0] * len(trees) + [_SEE_THROUGH * tree.cover for tree in trees]
-    for n, ((x, y, radius, low, high, _), opacity) in enumerate(zip(cylinders, opacities, strict=True)):
-        name, colour = ("canopies", CANOPY) if n >= len(trees) else ("trunks", TRUNK)
-        ink = _Ink(name, n % len(trees), colour, opacity)
-        found.append(_draw_cylinder(0.0, ink, (x, y, (low + high) / 2), (2 * radius, 2 * radius, high - low)))
+    for s, tree in zip(forest.solids, forest.tree_of_solids.tolist(), strict=True):
+        look = ("trunks", tree, TRUNK) if s.part == "trunk" else ("canopies", tree, CANOPY, _SEE_THROUGH * s.cover)
+        size = (2 * s.radius, 2 * s.radius, s.top - s.bottom)
+        found.append(_draw_cylinder(0.0, _Ink(*look), (s.x, s.y, (s.bottom + s.top) / 2), size))
     return {"markers": found}
 
 

@@ -168,14 +168,9 @@ def _find_places(frame: LoggedFrame, pose: Pose, camera: Camera) -> Array:
 
 
 def _observe(frame: LoggedFrame, uav: int, pose: Pose, camera: Camera, sigma: float) -> Observed:
-    """Measurements of a frame, without those above the horizon, or where a lens shows nothing.
+    """Measurements of a frame at the time of its scan, without those above the horizon, or where a lens shows nothing.
 
-    Args:
-        frame: At the time of its scan.
-        uav: Number of the UAV.
-        pose: Of its camera.
-        camera: The camera.
-        sigma: As of `read_flight`.
+    sigma: as of `read_flight`.
     """
     pixels = np.array([found.pixel for found in frame.detections]).reshape(-1, 2)
     entries = np.array([found.covariance for found in frame.detections]).reshape(-1, 3)

@@ -6,10 +6,10 @@ import numpy as np
 
 from sim.exchange.csv_files import write_table
 from sim.exchange.values import STATE, TRACK, list_measurements, list_rows, list_tracks, list_truth
-from sim.facts.columns import TABLES
+from sim.facts.columns import TABLES, make_dataframe
 from sim.facts.flight import Flight
-from sim.mission.dataframes import write_parquet
 from sim.mission.recording import Recording
+from tracking.errors import InputError
 
 _MEASUREMENT = ("time", "x", "y", "xx", "xy", "yy")
 _TRACK = tuple(name for name in TRACK if name != "uav")
@@ -35,7 +35,11 @@ def write_stonesoup(recording: Recording, folder: Path) -> None:
 
 
 def write_tables(recording: Recording, folder: Path) -> None:
-    """Write the tables of `Flight.table`, which name units in their columns, as Parquet files."""
+    """Write the tables of `Flight.table` as Parquet files; InputError without pandas with pyarrow, or polars."""
     flight = Flight(recording)
     for name in TABLES:
-        write_parquet(flight.columns(name), folder / f"{name}.parquet")
+        frame = make_dataframe(flight.columns(name))
+        try:
+            (frame.to_parquet if hasattr(frame, "to_parquet") else frame.write_parquet)(folder / f"{name}.parquet")
+        except ImportError as error:
+            raise InputError("parquet: needs pandas with pyarrow, or polars: pip install pyarrow") from error

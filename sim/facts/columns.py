@@ -1,6 +1,7 @@
 """Tables of a recording, with units in the names of columns."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from sim.facts.metrics.score import estimate_velocities
 from sim.facts.people import STATES, PeopleFacts
 from sim.mission.recording import Recording
 from sim.world.stem_map import TREE_COLUMNS
+from tracking.errors import InputError
 
 Column = NDArray[Any]
 Columns = dict[str, Column]
@@ -141,3 +143,14 @@ def _split_covariance(covariances: Column) -> Columns:
 
 def _make_text_column(texts: list[str]) -> Column:
     return np.array(texts, dtype=object)
+
+
+def make_dataframe(columns: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a frame of pandas or polars, both optional
+    """Columns of equal length as a pandas data frame, or a polars one without pandas; InputError without both."""
+    for library in ("pandas", "polars"):
+        try:
+            made = import_module(library).DataFrame
+        except (ImportError, AttributeError):  # AttributeError: a folder with the library's name was imported
+            continue
+        return made(dict(columns))
+    raise InputError("tables need pandas or polars; neither is installed: pip install pandas")

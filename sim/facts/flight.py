@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.facts.columns import TABLES, make_columns, make_event_columns
+from sim.facts.columns import TABLES, make_columns, make_dataframe, make_event_columns
 from sim.facts.event import Event, find_ends
 from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.metric import Outcome
@@ -19,7 +19,6 @@ from sim.facts.metrics.summary import format_planner_title
 from sim.facts.mission_events import find_events
 from sim.facts.people import PeopleFacts
 from sim.mission.archive import find_recording, save
-from sim.mission.dataframes import make_dataframe
 from sim.mission.recording import Recording
 from sim.scenario.random_streams import format_seed
 from sim.scenario.scenario import Scenario

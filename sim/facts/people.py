@@ -43,7 +43,7 @@ class Views(NamedTuple):
     """Geometry of the frames that cameras took."""
 
     inside: Flags  # (K, n, M), the frame contains the person's mid-height, hidden or not
-    hidden_by: Indices  # (K, n, M), first tree between the camera and the mid-height of a person inside; -1 for none
+    hidden_by: Indices  # (K, n, M), the tree that hides most of the mid-height of a person inside; -1 for none
 
 
 class PeopleFacts:

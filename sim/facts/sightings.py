@@ -62,6 +62,7 @@ class FrameFacts:
     """Facts about one camera's view with ground truth; tracks are numbered as in the film."""
 
     camera: Camera
+    believed_camera: Camera  # as the UAV takes it to be, through which it sees measurements and tracks
     forest: Forest
     snapshot: Snapshot
     uav: int
@@ -107,7 +108,8 @@ def make_frame_facts(recording: Recording, k: int, uav: int) -> FrameFacts:
     people = find_sightings(recording, k, uav, camera)
     if recording.setting.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
         people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-    return FrameFacts(camera, recording.hiding_forest, number_snapshot(recording, k), uav, people)
+    believed = recording.setting.uavs[uav].believed_camera
+    return FrameFacts(camera, believed, recording.hiding_forest, number_snapshot(recording, k), uav, people)
 
 
 def tell_pose_error(recording: Recording, k: int, uav: int) -> list[str]:
@@ -150,11 +152,17 @@ def tell_fade(recording: Recording, id_: int, last: int) -> str:
 
 
 def _name_state(recording: Recording, k: int, uav: int, held: dict[int, Array]) -> str:
-    camera, pose = view_of(recording.setting.uavs[uav], recording.setting), recording.believed_camera_at(k, uav)
-    (inside,), (hiding,) = find_inside_and_hiding(camera, pose, held[k][None], recording.hiding_forest)
+    camera = view_of(recording.setting.uavs[uav], recording.setting)
+    return tell_sight(camera, recording.believed_camera_at(k, uav), held[k], recording.hiding_forest)
+
+
+def tell_sight(camera: Camera, pose: Pose, place: Array, forest: Forest) -> str:
+    """How a person at a place (2,) m would show to a camera, in words: out of view, hidden or in view."""
+    (inside,), hiding = find_inside_and_hiding(camera, pose, place[None], forest)
     if not inside:
         return _OUT
-    return f"hidden by tree {hiding.argmax()}" if hiding.any() and hiding.max() >= 0.5 else _IN_VIEW
+    (shown,) = detectable_shares(np.prod(1.0 - hiding, axis=1))
+    return f"hidden by tree {hiding[0].argmax()}" if shown < 0.5 else _IN_VIEW
 
 
 def find_inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Array]:

@@ -61,7 +61,7 @@ def _pack(recording: Recording, compression: int) -> bytes:
     return file.getvalue()
 
 
-def load(path: str | os.PathLike[str]) -> Recording:
+def load_recording(path: str | os.PathLike[str]) -> Recording:
     """Read and check a recording; errors are ValueErrors of one line that names file and field.
 
     The file may come from any source: nothing in it is executed, imported or opened, and it takes no more memory than
@@ -82,7 +82,7 @@ def find_recording(folder: Path) -> Recording:
         path = folder / "mission.npz" if folder.is_dir() else folder
         if not path.exists():
             raise InputError(f"{folder} " + (_describe_content(folder) if folder.is_dir() else "does not exist"))
-        recording = load(path)
+        recording = load_recording(path)
         _ = recording.setting  # which may be unknown here
     except OSError as error:
         raise InputError(f"DIR: {folder} cannot be read: {error.strerror}") from error

@@ -148,6 +148,8 @@ class Mission:
         cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
         believed = self._believe(cameras)
+        heights = [own.position[2] - true.position[2] for own, true in zip(believed, cameras, strict=True)]
+        self._altitude_errors = np.array(heights) if any(self._errors) else None  # m, by which control errs
         readings = []
         for i, pose in enumerate(cameras):
             shot = Shot(i, k, time, pose, people, believed[i] if self._errors[i] else None)
@@ -268,7 +270,7 @@ class Mission:
                 for i, errors in enumerate(self._errors):
                     flown[i] -= errors.velocity if errors else 0.0  # control follows the believed velocities
                 winds = None if self._air is None else self._air.steps(steps)
-                self._world.advance(flown, steps, winds, self.present.altitude_errors)
+                self._world.advance(flown, steps, winds, self._altitude_errors)
             for errors in filter(None, self._errors):
                 errors.advance(1.0 / rates.sensing)
             self._sense_and_track()

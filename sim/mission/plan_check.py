@@ -17,6 +17,8 @@ from tracking.plugins.plugin_error import PluginError, plugin_call
 from tracking.plugins.result_check import Form
 from tracking.track import Track
 
+_VELOCITY, _NAMED = Form((2,)), "velocity components"  # what a caller may give in place of a plan
+
 
 def ask_planner(
     planner: Planner, team: Sequence[Situation], last: Mapping[int, Plan], rng: np.random.Generator
@@ -61,7 +63,9 @@ def check_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tup
     for situation, each in zip(team, proposed, strict=True):
         try:
             with plugin_call():
-                plan = copy_plan(each if hasattr(each, "controls") else Plan(Form((2,)).check("velocity components", each)[None]))
+                plan = copy_plan(
+                    each if hasattr(each, "controls") else Plan(Form((2,)).check("velocity components", each)[None])
+                )
         except PluginError as error:
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
         plans.append(_limit(plan, situation, faults))

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Plan
-from sim.mission.fault_text import encode_faults
-from sim.mission.recording import FIELDS, VERSION, Recording
+from sim.mission.recording import FIELDS, VERSION, Recording, encode_faults
 from sim.mission.snapshot import Snapshot
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS

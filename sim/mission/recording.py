@@ -1,14 +1,17 @@
 """One mission as plain arrays: truth, measurements, tracks and commands at each scan."""
 
+import json
 import math
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
+import msgspec
 import numpy as np
 
 from planning.planner import Plan
-from sim.mission.fault_text import decode_faults
 from sim.mission.snapshot import FlownPlans, Snapshot
 from sim.scenario.loading import decode_recorded
 from sim.scenario.scenario import Scenario
@@ -21,6 +24,9 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import UNLIKELY, Scan, Track, make_tracks
 
 VERSION = 1
+MOST_FAULTS = 1000  # number of faults that are kept; a planner may fail at every decision
+LONGEST_FAULT = 300  # characters of a message
+_ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")  # as in <object at 0x7f...>, which differs from process to process
 # Tables with a row for each scan, which have the same names in snapshots.
 _AS_IN_SNAPSHOTS = ("people", "headings", "commands", "ospa", "visible", "matched", "bytes_sent", "plan_bytes")
 
@@ -36,7 +42,7 @@ class Recording:
     """
 
     version: Annotated[int, "<i8", ""]
-    scenario: Annotated[str, "<U", ""]  # JSON of `resolved`
+    scenario: Annotated[str, "<U", ""]  # JSON, from `encode_scenario`
     planner: Annotated[str, "<U", ""]
     seed: Annotated[int, "<U", ""]  # text, as a seed may have more than 64 bits
     interrupted: Annotated[bool, "|b1", ""]
@@ -69,7 +75,7 @@ class Recording:
     track_existence: Annotated[Array, "<f8", "S"]  # probability; NaN if the tracker has none, as with m of n scans
     # Position [m] and time [s] of the fleet's last sure detection; NaN if the tracker has none.
     track_sightings: Annotated[Array, "<f8", "S 3"]
-    faults: Annotated[str, "<U", ""]  # JSON, see `fault_text`
+    faults: Annotated[str, "<U", ""]  # JSON, see `encode_faults`
     repeat: Annotated[int, "<i8", ""]  # decides, with the seed, the mission's noise
     # True where a camera took a frame in a flight from elsewhere; None for a mission, whose scenario says it
     frames: Annotated[Flags | None, "|b1", "K n"] = None
@@ -306,3 +312,27 @@ def find_last_frames(taken: Flags) -> Indices:
     """The scan (K, n) of each camera's last frame up to each scan, given those with frames; 0 before the first."""
     scans = np.arange(len(taken))[:, None]
     return np.asarray(np.maximum.accumulate(np.where(taken, scans, 0), axis=0), dtype=np.int64)
+
+
+def encode_faults(faults: Sequence[Fault]) -> str:
+    """Faults as JSON text: a list of objects with `time` [s], `uav` (null: the whole team) and `message`.
+
+    Messages become one line of at most `LONGEST_FAULT` printable characters without memory addresses. If there are more
+    than `MOST_FAULTS`, the last one that is kept says how many others there were. `summary.json` has all faults with
+    their traces, which name files and therefore differ between machines.
+    """
+    kept = [
+        replace(fault, message=one_line(_ADDRESS.sub("0x...", fault.message), LONGEST_FAULT))
+        for fault in faults[:MOST_FAULTS]
+    ]
+    if len(faults) > MOST_FAULTS:
+        kept[-1] = Fault(kept[-1].time, None, f"{len(faults) - MOST_FAULTS + 1} more faults are not recorded")
+    return json.dumps([{"time": float(f.time), "uav": f.uav, "message": f.message} for f in kept])
+
+
+def decode_faults(text: str) -> tuple[Fault, ...]:
+    """The faults in a recording's text, in order of time; ValueError if invalid."""
+    try:
+        return msgspec.json.decode(text, type=tuple[Fault, ...])
+    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
+        raise ValueError(f"is no list of faults: {error}") from error

@@ -6,8 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.mission.fault_text import LONGEST, MOST, decode_faults
-from sim.mission.recording import Recording
+from sim.mission.recording import LONGEST_FAULT, MOST_FAULTS, Recording, decode_faults
 from sim.scenario.quantities import REPEATS
 from sim.world.contacts import KINDS
 from tracking.numerics.arrays import Array
@@ -52,9 +51,9 @@ def _check_texts(r: Recording) -> Iterator[Finding]:
     yield "faults", _fails(decode_faults, r.faults), "is no list of faults, each with time, uav and message"
     faults = r.all_faults
     n = r.uav_count
-    yield "faults", len(faults) > MOST, f"are more than {MOST}"
-    wrong = any(not f.message.isprintable() or len(f.message) > LONGEST for f in faults)
-    yield "faults", wrong, f"have a message that is not one line of at most {LONGEST} characters"
+    yield "faults", len(faults) > MOST_FAULTS, f"are more than {MOST_FAULTS}"
+    wrong = any(not f.message.isprintable() or len(f.message) > LONGEST_FAULT for f in faults)
+    yield "faults", wrong, f"have a message that is not one line of at most {LONGEST_FAULT} characters"
     wrong = any(not 0 <= f.time <= r.times[-1] or not 0 <= (f.uav or 0) < n for f in faults)
     yield "faults", wrong, "name a time or a UAV that is not there"
 

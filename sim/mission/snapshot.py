@@ -55,14 +55,6 @@ class Snapshot:
         return np.flatnonzero(~np.isnan(self.ospa[:, 0])).tolist()
 
     @property
-    def altitude_errors(self) -> Array | None:
-        """Errors (n,) m of the altitudes that UAVs believe; None if all know their poses."""
-        if self.believed is None:
-            return None
-        pairs = zip(self.believed, self.cameras, strict=True)
-        return np.array([own.position[2] - true.position[2] for own, true in pairs])
-
-    @property
     def error(self) -> float:
         """OSPA distance [m], mean over the UAVs that work; NaN if none does."""
         return float(self.ospa[self.working, 0].mean()) if self.working else math.nan

@@ -1,1 +1,1 @@
-"""Worker processes, and signals that ask to stop."""
+"""Worker processes."""

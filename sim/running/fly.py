@@ -62,10 +62,8 @@ class FlyingMission(AbstractContextManager["FlyingMission"]):
 def fly(trial: Trial, planner: Planner | None = None, *, begun: float | None = None) -> FlyingMission:
     """The mission of a trial, ready to be flown; InputError if it cannot be built.
 
-    Args:
-        trial: Says which mission it is.
-        planner: The planner itself; by default it is loaded by the trial's text.
-        begun: Value of `time.perf_counter` when start-up began; by default, now.
+    planner: by default it is loaded by the trial's text. begun: value of `time.perf_counter` when start-up began, by
+    default now.
     """
     start = time.perf_counter() if begun is None else begun
     return FlyingMission(trial, load_planner(trial.planner) if planner is None else planner, start)

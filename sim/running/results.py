@@ -1,12 +1,15 @@
 """A folder of results, of a mission or of a flight from elsewhere: recording, summary, film, page and plots."""
 
 import json
+import signal
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from types import FrameType
+from typing import Any
 
 from planning.planner_loading import load_planner
 from sim.facts.flight import Flight
@@ -17,7 +20,6 @@ from sim.mission.archive import save
 from sim.mission.atomic_files import make_new_folder
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
-from sim.processes.signals import stop_request
 from sim.running.fly import FlyingMission, fly
 from sim.views.drawing.film import Film, Video
 from sim.views.drawing.plots import save as save_figure
@@ -32,13 +34,6 @@ class Results:
     final: Path  # name of the folder when it is complete
     video: bool  # False: neither mission.mp4 nor mission.html
     metrics: Sequence[str]  # import strings of plug-in metrics for the summary
-
-
-class Stop(Protocol):
-    """A request to end a mission after the present scan, such as an event of threads or processes."""
-
-    def is_set(self) -> bool:
-        """True if the mission should end."""
 
 
 def run_mission(
@@ -67,7 +62,31 @@ def run_mission(
     with make_new_folder(out) as folder:
         results = Results(folder, out, video, metrics)
         with take_off(results, trial, progress, say) as flying, stop_request() as stop:
-            return fly_into(results, flying, stop, progress, say)
+            return fly_into(results, flying, stop.is_set, progress, say)
+
+
+@contextmanager
+def stop_request() -> Iterator[threading.Event]:
+    """Yield an event that the first signal sets, so that a mission can stop at the next scan and keep its recording.
+
+    The second signal raises KeyboardInterrupt. Outside of the main thread, signals are handled as before.
+    """
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, previous in before.items():
+            signal.signal(number, previous)
 
 
 def take_off(results: Results, trial: Trial, progress: Progress, say: Say) -> FlyingMission:
@@ -84,8 +103,10 @@ def take_off(results: Results, trial: Trial, progress: Progress, say: Say) -> Fl
     return fly(trial, begun=begun)
 
 
-def fly_into(results: Results, flying: FlyingMission, stop: Stop, progress: Progress, say: Say) -> dict[str, Any]:
-    """Fly a mission, or the part before `stop` is set, into a folder that exists; return the summary."""
+def fly_into(
+    results: Results, flying: FlyingMission, stops: Callable[[], bool], progress: Progress, say: Say
+) -> dict[str, Any]:
+    """Fly a mission, up to the scan after which `stops` is True, into a folder that exists; return the summary."""
     mission = flying.mission
     with _open_video(results, flying) as video:
         for snapshot in flying:
@@ -93,7 +114,7 @@ def fly_into(results: Results, flying: FlyingMission, stop: Stop, progress: Prog
                 with mission.clock.measure("video"):
                     video.add(snapshot, mission.frames)
             progress(ScanProgress(snapshot.time, snapshot.ospa[snapshot.working, 0].tolist()))
-            if stop.is_set():
+            if stops():
                 break
     outcome = flying.land()
     start = time.perf_counter()

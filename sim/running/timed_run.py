@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 from sim.mission.atomic_files import make_new_folder
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
-from sim.processes.signals import stop_request
 from sim.processes.workers import CONTEXT, LOST, start_workers
-from sim.running.results import Results, fly_into, take_off
+from sim.running.results import Results, fly_into, stop_request, take_off
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
@@ -89,4 +88,4 @@ def _fly(trial: Trial, results: Results) -> dict[str, Any]:
     """Fly in the process; exceptions of plug-ins become PluginErrors, because not all exceptions can be pickled."""
     tell = _parent.messages.send
     with plugin_call(passing=(InputError,)), take_off(results, trial, tell, tell) as flying:
-        return fly_into(results, flying, _parent.stop, tell, tell)
+        return fly_into(results, flying, _parent.stop.is_set, tell, tell)

@@ -31,7 +31,7 @@ _FILES = (
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
 
 
-def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(name: str, overrides: Sequence[str] = ()) -> Scenario:
     """Load the packaged scenario or TOML file `name` with `key=value` overrides; InputError says what is wrong.
 
     Paths of the user's files are relative to the scenario file's folder; in an override, to the current folder. An
@@ -52,7 +52,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
 def _find_own_error(name: str) -> str:
     """Error message of a scenario without overrides; empty if there is no error."""
     try:
-        load(name)
+        load_scenario(name)
     except InputError as error:
         return str(error)
     return ""
@@ -68,7 +68,7 @@ def place_of(scenario: object, settings: Collection[str] | None) -> str:
 def resolve_scenario(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
     """A checked scenario: a packaged one, a .toml file or a `Scenario`, with changed settings; else InputError."""
     if isinstance(scenario, str | os.PathLike):
-        return load(os.fspath(scenario), format_overrides(settings))
+        return load_scenario(os.fspath(scenario), format_overrides(settings))
     if not isinstance(scenario, Scenario):
         raise InputError(f"scenario: {scenario!r} is not allowed; expected a name, a .toml file or a Scenario")
     try:  # unlike the reading of a file, constructors check neither types nor bounds

@@ -14,7 +14,6 @@ NEAR_PLANE = 0.5  # m from the camera, so that its own UAV is left out
 LEAST_FAR_PLANE = 500.0  # m; the far plane is farther away for cameras higher than 50 m
 # A mesh is a prism: corners at 1.01 of the nominal radius, faces at 0.99.
 _OUTER, _INNER = 1.01, 0.99
-PERSON = (0.5, 1.75)  # m, radius and height of an upright cylinder that encloses a person
 
 
 @compiled

@@ -13,7 +13,6 @@ from sim.installation import ASSETS
 from sim.sensing.culling import (
     LEAST_FAR_PLANE,
     NEAR_PLANE,
-    PERSON,
     find_hidden,
     find_in_frustum,
     select_covers,
@@ -25,6 +24,7 @@ from sim.world.engine import pybullet
 from sim.world.lens_images import StraightView, cut_rows, straighten
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.person import ENCLOSING_CYLINDER
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.matrices import apply, product
@@ -205,7 +205,7 @@ class Renderer:
         standing = np.flatnonzero(seen[:solids] & ~np.isnan(self._standing[:, 0]))
         seen[standing] = ~find_hidden(self._standing[standing], self._covers, position, camera.fov)
         people = solids + np.flatnonzero(seen[solids : solids + self._people])
-        upright = np.column_stack([centres[people, :2], np.tile(PERSON, (len(people), 1))])
+        upright = np.column_stack([centres[people, :2], np.tile(ENCLOSING_CYLINDER, (len(people), 1))])
         seen[people] = ~find_hidden(upright, self._covers, position, camera.fov)
         return seen
 

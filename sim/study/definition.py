@@ -159,18 +159,7 @@ def adapt_study(
 def make_study(
     planners: object, scenarios: object, *, seeds: Iterable[int], repeats: int, settings: Mapping[str, Any] | None
 ) -> Study:
-    """A study of one or several planners in one or several scenarios, from arguments of Python.
-
-    Args:
-        planners: A name, or several.
-        scenarios: A name, or several.
-        seeds: Maps to fly.
-        repeats: Number of flights on each map.
-        settings: Keys of the scenarios to change.
-
-    Raises:
-        InputError: If an argument is wrong.
-    """
+    """A study of one or several planners in one or several scenarios, from arguments of Python; else InputError."""
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
         raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
     numbers = (parse_seed_and_repeat(seed, 0)[0] for seed in islice(seeds, MOST_LISTED + 1))

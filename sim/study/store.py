@@ -12,7 +12,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from sim.mission.dataframes import make_dataframe
+from sim.facts.columns import make_dataframe
 from sim.study.cells import Levels
 from sim.study.trials import StudyTrial, TrialRow
 from tracking.errors import InputError, one_line
@@ -158,12 +158,7 @@ def read_rows(path: str | Path) -> list[TrialRow]:
     return [_decode_row(path, study, values) for values in rows]
 
 
-def read_dataframe(path: str | Path) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
-    """All trials of a store as a data frame, as in `tabulate_rows`."""
-    return tabulate_rows(read_rows(path))
-
-
-def tabulate_rows(rows: Sequence[TrialRow]) -> Any:  # noqa: ANN401 - as above
+def tabulate_rows(rows: Sequence[TrialRow]) -> Any:  # noqa: ANN401 - a data frame of either library
     """Trials as a pandas data frame, or a polars one if pandas is not installed.
 
     There is one row per trial, with a column for each factor, such as `factor.lambda`, and for each metric.

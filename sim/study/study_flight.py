@@ -27,19 +27,10 @@ def fly_study(
     executor: AbstractContextManager[Executor],
     options: Options,
 ) -> list[TrialRow]:
-    """Fly what is missing of a study, and return the rows of all trials.
+    """Fly what is missing of a study into its folder, new or that of an earlier flight; return the rows of all trials.
 
-    On failure, it exits with a message of one line on how to continue.
-
-    Args:
-        study: The study.
-        trials: All its trials.
-        folder: Its folder of results, new or that of an earlier flight.
-        executor: Flies the trials. It is opened when the missions are known to be sound, and closed at the end.
-        options: Timeout, recordings and repetition.
-
-    Raises:
-        InputError: If a mission cannot be built, or the folder cannot be used.
+    The executor is opened when the missions are known to be sound, and closed at the end. InputError if a mission
+    cannot be built, or the folder cannot be used. On any other failure it exits with a line on how to continue.
     """
     kept: int | None = None
     again = 0

@@ -8,8 +8,8 @@ import numpy as np
 from msgspec import Struct
 
 from sim.facts.metrics.catalogue import evaluate
-from sim.facts.metrics.machine import describe_machine
 from sim.facts.metrics.metric import Outcome
+from sim.facts.metrics.summary import describe_machine
 from sim.mission.archive import compute_digest, encode
 from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up

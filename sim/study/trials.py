@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from planning.planner_loading import find_planner_target, load_planner, make_canonical_text
 from sim.installation import ROOT
 from sim.scenario.csv_tables import MOST_BYTES
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.quantities import parse_integers
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.text_files import read_bytes
@@ -144,7 +144,7 @@ class _LoadedCell(NamedTuple):
 def _load_cell(cell: Cell) -> _LoadedCell:
     """Load the scenario and the plug-ins of a cell; InputError if something is wrong."""
     settings = cell.settings
-    setting = load(cell.scenario, [f"{key}={value}" for key, value in settings.items()])
+    setting = load_scenario(cell.scenario, [f"{key}={value}" for key, value in settings.items()])
     planner = cell.spec
     user_files = _hash_user_files(setting, planner)
     parts = [encode_scenario(setting), make_canonical_text(planner), get_release(), *user_files]
@@ -167,7 +167,7 @@ def _locate_error(study: Study, cell: Cell, error: InputError) -> str:
 def _locate_in_head(study: Study, cell: Cell, error: InputError) -> str:
     """The error, with the key of the study file (`study.planners`, `score.floor`) that caused it."""
     try:
-        load(cell.scenario)
+        load_scenario(cell.scenario)
     except InputError as wrong:
         return f"study.scenarios: {str(wrong).removeprefix('scenario: ')}"
     end = "floor" if study.score and cell.planner == study.score.floor else "bound"

@@ -88,10 +88,10 @@ def _log_ground(stream: rr.RecordingStream, recording: Recording) -> None:
     half = np.array([recording.setting.area.width, recording.setting.area.height]) / 2
     corners = _lift(half * [(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)], 0.0)
     stream.log("world/area", rr.LineStrips3D([corners], colors=[FAINT], radii=0.1), static=True)
-    x, y, radius, low, high, _ = recording.forest.cylinders.T  # of trunks, then of canopies
+    solids = recording.forest.solids
+    x, y, radius, low, high, _ = recording.forest.cylinders.T
     middles = np.column_stack([x, y, (low + high) / 2])
-    canopies = [(*CANOPY, round(_SEE_THROUGH * tree.cover)) for tree in recording.forest.trees]
-    colours = [TRUNK] * len(canopies) + canopies
+    colours = [TRUNK if s.part == "trunk" else (*CANOPY, round(_SEE_THROUGH * s.cover)) for s in solids]
     forest = rr.Cylinders3D(lengths=high - low, radii=radius, centers=middles, colors=colours, fill_mode="solid")
     stream.log("world/forest", forest, static=True)
     for i, o in enumerate(uav.true_camera.optics for uav in recording.setting.uavs):

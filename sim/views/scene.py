@@ -195,9 +195,10 @@ class SceneMaker:
         touched = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
         for i, pose in enumerate(snapshot.poses):
             works = i in working
+            uav = self._scenario.uavs[i]
             camera = snapshot.cameras[i]
             believed = camera if snapshot.believed is None else snapshot.believed[i]
-            view = find_footprint(self._scenario, i, camera) if works else None
+            view = find_footprint(self._scenario, uav.true_camera, camera) if works else None
             exact = not works or snapshot.believed is None
             yield UavMark(
                 number=i,
@@ -209,7 +210,7 @@ class SceneMaker:
                 camera=camera,
                 believed=believed,
                 view=view,
-                believed_view=view if exact else find_footprint(self._scenario, i, believed),
+                believed_view=view if exact else find_footprint(self._scenario, uav.believed_camera, believed),
                 intent=self._find_intent(snapshot, i) if works else None,
                 touched=describe_body(touched[i].kind, touched[i].other) if i in touched else "",
                 detections=mark_detections(snapshot.scans[i], snapshot.pixels[i]),
@@ -305,9 +306,8 @@ def find_half_axes(covariance: Array) -> tuple[Array, Array]:
     return ELLIPSE * np.sqrt(np.maximum(variances, 0.0)), axes
 
 
-def find_footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:
+def find_footprint(scenario: Scenario, camera: Camera, pose: Pose) -> Array | None:
     """Outline (N, 2) m of a camera's field of view on the ground; None if it has no bounds nearby."""
-    camera = scenario.uavs[uav].true_camera
     if scenario.sensing.field_of_view == "unlimited":
         return None
     rays = camera.rays(pose, camera.outline)

@@ -75,12 +75,7 @@ class AppearanceSample:
 def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> AppearanceSample:
     """Sample the appearance of a map, such that the strength of one variation does not change the others.
 
-    Args:
-        scenario: Strengths, and the number of UAVs.
-        seed: Decides everything but the noise.
-        trees: Number T of trees.
-        people: Number M of people.
-        repeat: Decides the noise, together with the seed.
+    The seed decides everything but the noise, which seed and repeat decide; trees T, people M.
     """
     wanted = scenario.appearance
     strength = {name: full * float(wanted.randomise) for name, full in FULL.items()}

@@ -15,7 +15,7 @@ from sim.world.appearance import AppearanceSample
 from sim.world.engine import Engine, pybullet
 from sim.world.leaves import Leaves
 from sim.world.quadrotor import GRAVITY
-from tracking.geometry.person import PERSON_HEIGHT, PERSON_RADIUS
+from tracking.geometry.person import ENCLOSING_RADIUS, PERSON_HEIGHT, PERSON_RADIUS
 from tracking.geometry.visibility import PARTS, Forest, Part, Solid
 from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import hypot
@@ -77,7 +77,7 @@ def list_models(
         sphere = hypot(size + wider, height / 2 + wider)
         models.append(BodyModel(solid.part, tree, tint, sphere, (size, size, height), place, leaves))
     for m, shade in enumerate(style.clothes):
-        models.append(BodyModel("person", m, _multiply(_WHITE, shade), 1.1, _UNIT, AWAY))
+        models.append(BodyModel("person", m, _multiply(_WHITE, shade), ENCLOSING_RADIUS, _UNIT, AWAY))
     for i, uav in enumerate(scenario.uavs):
         models.append(BodyModel("uav", i, _WHITE, 0.45, _UNIT, (*uav.start, uav.altitude)))
     return tuple(models)
@@ -134,12 +134,7 @@ class Bodies:
     ) -> None:
         """Make all bodies; people are absent, and UAVs at their starts.
 
-        Args:
-            client: The engine's client.
-            scenario: Rate of physics.
-            models: All bodies.
-            opengl: True if OpenGL draws.
-            drawn: True if images of this client are drawn, so that leaves are needed.
+        opengl: True if OpenGL draws. drawn: True if images of this client are drawn, so that leaves are needed.
         """
         self._drawn = drawn
         self.client = client

@@ -19,16 +19,10 @@ _REACH = 0.5
 def fly_while_clear(
     states: Array, targets: Array, memories: Array, winds: Array, calm: bool, dt: float, top: float
 ) -> int:
-    """Fly quadrotors as long as all are clear, up to a step per wind; return the number of steps made.
+    """Fly quadrotors as long as all are clear, up to a step of dt s per wind; return the number of steps made.
 
-    Args:
-        states: (n, 13) as in `rotor_thrusts`, changed in place.
-        targets: (n, 3) as in `rotor_thrusts`.
-        memories: (n, 3) as in `steady_thrusts`, changed in place.
-        winds: (steps, 2) m/s.
-        calm: True without air resistance.
-        dt: Time of a step, s.
-        top: Height of all that stands, m.
+    states (n, 13), targets (n, 3) as in `rotor_thrusts`; memories (n, 3) as in `steady_thrusts`; winds (steps, 2) m/s.
+    States and memories are changed in place. calm: True without air resistance. top: height of all that stands, m.
     """
     for k in range(len(winds)):
         if not _are_clear(states, top):
@@ -39,14 +33,9 @@ def fly_while_clear(
 
 @compiled
 def glide_while_clear(states: Array, commands: Array, dt: float, steps: int, top: float) -> int:
-    """Move kinematic UAVs as long as all are clear after a step; return the number of steps made.
+    """Move kinematic UAVs as long as all are clear after a step, up to so many steps; return the number of steps made.
 
-    Args:
-        states: (n, 13) as in `fly_while_clear`, changed in place.
-        commands: (n, 2) m/s.
-        dt: Time of a step, s.
-        steps: Most steps to make.
-        top: Height of all that stands, m.
+    states (n, 13), changed in place, dt and top as in `fly_while_clear`; commands (n, 2) m/s.
     """
     for k in range(steps):
         moved = move_kinematic(states, commands, dt)
@@ -81,13 +70,7 @@ def move_kinematic(states: Array, commands: Array, dt: float) -> Array:
 def wrenches(states: Array, targets: Array, memories: Array, wind: Array, calm: bool, dt: float) -> Array:
     """Forces N and torques N m (n, 6), in the world frame, of rotors and air on quadrotors.
 
-    Args:
-        states: (n, 13) as in `fly_while_clear`.
-        targets: (n, 3) as in `fly_while_clear`.
-        memories: (n, 3) as in `fly_while_clear`, changed in place.
-        wind: (2,) m/s.
-        calm: True without air resistance.
-        dt: Time of a step, s.
+    Arguments as in `fly_while_clear`, with one wind (2,) m/s; memories are changed in place.
     """
     out, known, undisturbed = np.zeros((len(states), 6)), states.copy(), np.zeros(3)
     settled = settle(states[:, 3:7])

@@ -42,13 +42,9 @@ class _Near(NamedTuple):
 def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: Array, half: Array) -> Array:
     """Positions (K, M, 2) m of M people at given speeds, at intervals of 1 / SAMPLES_PER_SECOND.
 
-    Args:
-        states: (M, 4) at the start: position m, heading rad, turn rate rad/s; overwritten.
-        paces: (K, M) m/s.
-        drifts: (K, M) rad/s, turn rates of people without a route.
-        routes: (M, P, 2) m, points 1 m apart, NaN after the last.
-        trunks: (T, 3) m, centre and the distance to keep from it.
-        half: (2,) m; people stay where |position| <= half.
+    states (M, 4) at the start: position m, heading rad, turn rate rad/s; overwritten. paces (K, M) m/s. drifts (K, M)
+    rad/s: turn rates of people without a route. routes (M, P, 2) m: points 1 m apart, NaN after the last. trunks (T, 3)
+    m: centre and the distance to keep from it. half (2,) m: people stay where |position| <= half.
     """
     positions = np.empty((len(paces), len(states), 2))
     decisions, progress = states[:, 2].copy(), np.zeros(len(states), dtype=np.int64)

@@ -33,14 +33,8 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
     """Trajectories of `people.count` people for `duration` s; NaN while a person is absent.
 
     Ways of walking decide where people want to go. After the last waypoint, or if they have none, people wander. They
-    avoid obstacles by turning, never by stopping. Absent people walk, too, and others avoid them.
-
-    Args:
-        people: Their number, ways of walking and speeds.
-        area: The rectangle in which they stay.
-        forest: Trees, round whose trunks they walk.
-        duration: Time, s.
-        rng: All randomness.
+    avoid obstacles, such as the forest's trunks, by turning, never by stopping. Absent people walk, too, and others
+    avoid them.
     """
     count = people.count
     samples = math.ceil(duration * SAMPLES_PER_SECOND) + 1

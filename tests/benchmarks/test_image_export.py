@@ -5,7 +5,7 @@ import time
 import pytest
 
 import understory
-from sim.exchange.labelled_images import write_labelled_images
+from sim.exchange.export import write_labelled_images
 
 MOST = 10.0  # s of one core for 1000 images
 

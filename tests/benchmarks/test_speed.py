@@ -17,7 +17,7 @@ from planning.composed import Composed
 from planning.objective.nbo import make_objective
 from sim.mission.mission import Mission
 from sim.scenario.environment import Trees
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.sensing.renderer import Renderer
@@ -120,7 +120,7 @@ def test_mission_among_5000_trees_against_50(judged):
     """Two quadrotors with ideal sensing, 2 s in 5 x 5 km, from start-up on; far trees cost no physics."""
 
     def fly(trees):
-        setting = load("forest", [*SPARSE, f"trees.density={trees}"])
+        setting = load_scenario("forest", [*SPARSE, f"trees.density={trees}"])
         for _ in Mission(setting, Hover(), 0).fly():
             pass
 

@@ -20,7 +20,7 @@ from sim.study.definition import Study
 from sim.study.executors import Pool
 from sim.study.report.figures.charts import compute_ecdf
 from sim.study.scheduler import complete
-from sim.study.store import Store, read_dataframe
+from sim.study.store import Store, read_rows, tabulate_rows
 from sim.study.trials import list_trials
 
 METRICS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", *(f"other_{i}" for i in range(13)))
@@ -41,7 +41,7 @@ def test_ten_thousand_trials_list_and_aggregate_in_two_seconds(tmp_path, judged)
         rows = complete(found, store, Serial())
     listed = time.perf_counter() - start
     start = time.perf_counter()
-    table = read_dataframe(tmp_path)
+    table = tabulate_rows(read_rows(tmp_path))
     assert table["ospa.mean_m"].mean() == (count - 1) / 2
     framed = time.perf_counter() - start
     start = time.perf_counter()

@@ -12,7 +12,7 @@ import understory
 from planning.catalogue import PLANNERS
 from planning.planner_check import CHECKS
 from sim.__main__ import COMMANDS
-from sim.scenario.loading import decode, load
+from sim.scenario.loading import decode, load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import tomllib
 from sim.sensing.detector_check import check_detector
@@ -112,7 +112,7 @@ def test_the_reference_lists_every_key_and_option_with_a_meaning_and_overrides_t
     overrides = [[words[i + 1] for i, word in enumerate(words) if word == "--set"] for words in lines]
     assert list(map(len, overrides)) == [0, 1, 2, 1]
     for given in overrides:
-        load("forest", given)
+        load_scenario("forest", given)
 
 
 def listed(page, before, after="\n\n"):

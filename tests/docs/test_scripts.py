@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from sim.facts.metrics.fleet_facts import find_people_in_the_open
 from sim.mission.world_setup import make_forest_and_people
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.study.store import Store, read_rows
 from sim.study.trials import list_trials
 
@@ -103,7 +103,7 @@ def people_of(scenario, seed):
 @pytest.mark.docs
 def test_the_best_times_to_find_people_are_those_of_the_page_on_worlds():
     """The share of people not found falls from that outside the images at first, as fast as the images sweep."""
-    scenario = load("search", [])
+    scenario = load_scenario("search", [])
     stays, speeds = zip(*(people_of(scenario, seed) for seed in range(50)), strict=True)
     edges, area = np.array([uav.footprint for uav in scenario.uavs]), scenario.area.width * scenario.area.height
     passing = np.hypot(scenario.uavs[0].max_speed, np.sqrt(np.mean(np.square(np.concatenate(speeds)))))

@@ -3,7 +3,7 @@
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.mission.recorder import Recorder
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import encode_scenario
 
 # One above the other, so that they see one another; cameras of two sizes.
@@ -18,7 +18,7 @@ def mission_of(setting, planner="hover", seed=0, repeat=0):
 
 def fly(*overrides, planner="hover", seed=0, duration=1, repeat=0, see=lambda mission: None):
     """The mission flown by a planner, or the one of a name, and its snapshots; `see` is called at each scan."""
-    setting = load("forest", [f"duration={duration}", *overrides])
+    setting = load_scenario("forest", [f"duration={duration}", *overrides])
     mission = Mission(setting, load_planner(planner) if isinstance(planner, str) else planner, seed, repeat)
     snapshots = []
     for snapshot in mission.fly():

@@ -8,7 +8,7 @@ from helpers import synthetic
 from helpers.flights import IDEAL
 from helpers.flights import recorded as recorded_in_flight
 from helpers.recordings import broken, record
-from sim.mission.fault_text import encode_faults
+from sim.mission.recording import encode_faults
 from sim.sensing.fault import Fault
 from sim.views.drawing.film import Film, Video
 

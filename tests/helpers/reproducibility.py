@@ -74,17 +74,17 @@ _FLY = """
 import hashlib, json, sys
 from planning.planner_loading import load_planner
 from planning.catalogue import DEFAULT_PLANNER
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.mission.mission import Mission
 from sim.study.trials import StudyTrial, get_release
 from sim.study.trial_flight import fly_trial
 missions, images = json.loads(sys.argv[1])
 for seed, overrides in missions:
-    setting = load("forest", overrides)
+    setting = load_scenario("forest", overrides)
     row = fly_trial(StudyTrial(key="", setting=setting, planner=DEFAULT_PLANNER, seed=seed, version=get_release())).row
     print(row.recording or sys.exit(row.error))
 for overrides in images:
-    mission = Mission(load("forest", overrides), load_planner(DEFAULT_PLANNER))
+    mission = Mission(load_scenario("forest", overrides), load_planner(DEFAULT_PLANNER))
     digest = hashlib.sha256()
     for _ in mission.fly():
         for frame in mission.frames:

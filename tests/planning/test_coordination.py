@@ -6,54 +6,14 @@ import itertools
 import numpy as np
 import pytest
 from helpers.nominal import nominal, team_cost
-from helpers.teams import at_once, knowing, planned
+from helpers.teams import knowing, planned
 
 from planning.composed import Composed
 from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential, SequentialPartitions
-from planning.objective.nbo import make_objective
-from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
-from planning.optimizers.optimizer import make_pursuits, make_turns
 from planning.planner import Plan
 from planning.prediction.intent import BASE_RANGE, base_control, expect_plans, policy_of_intent
-from planning.prediction.propagation import MonteCarlo, nominal_positions
-from planning.prediction.targets_in_reach import find_targets_in_reach
-from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import Forest
-
-
-@pytest.mark.parametrize("coordination", [Sequential(), Parallel()])
-def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination):
-    team = random_team(4, uavs=1)
-    intent = policy_of_intent(team[0], team[0].own, 3)[None]
-    chases = make_pursuits(nominal_positions(team[0], 3), team[0].own, 1.0)
-    chases = np.concatenate([chases, make_turns(5.0, 3)])
-    view = nominal(team[0], 3)
-    value = make_objective(view, intent, [0], 0.5)
-    alone = CrossEntropy().minimise(
-        value,
-        np.concatenate([intent[None], chases[:, None]]),
-        np.array([5.0]),
-        np.random.default_rng(9),
-        find_targets_in_reach(view, [0], np.array([5.0]), at_once(1)),
-    )
-    plans = planned(Composed(3, coordination), team, seed=9)
-    np.testing.assert_array_equal(plans, alone)
-
-
-@pytest.mark.parametrize("order", ["fixed", "random", "worst-first"])
-@pytest.mark.parametrize("beta", [0.0, 0.5])
-def test_no_sweep_of_the_sequence_raises_the_teams_objective(random_team, beta, order):
-    for seed in range(5):
-        team = random_team(seed)
-        before = [team_cost(nominal(team[0], 5), expect_plans(team[0], 5), beta)]
-        for sweeps in (1, 2, 3):
-            pieces = Composed(5, Sequential(order, sweeps), beta=beta, optimizer=CrossEntropy(256))
-            plans = planned(pieces, team, seed)
-            before.append(team_cost(nominal(team[0], 5), plans, beta))
-        assert before[1] < before[0]
-        if order != "random":  # where later sweeps go on from the same first one
-            assert before[3] <= before[2] * (1 + 1e-9) <= before[1] * (1 + 2e-9)
 
 
 def test_each_uav_answers_plans_before_it_and_in_parallel_all_intents(random_team):
@@ -138,21 +98,6 @@ def test_the_centralised_plan_on_a_coarse_grid_is_the_exhaustive_optimum(random_
         assert team_cost(view, plans, beta) <= min(tried)
 
 
-@pytest.mark.parametrize("beta", [0.0, 0.5])
-def test_without_chance_monte_carlo_equals_nominal(random_team, beta):
-    """Zero process noise and a point belief: all samples are the nominal trajectory."""
-    for seed in range(10):
-        situation = dataclasses.replace(random_team(seed)[0], motion=NearlyConstantVelocity(1.0, 1e-12))
-        view = nominal(situation, 5)
-        sure = [type(t.belief)(t.belief.mean, np.zeros((4, 4))) for t in situation.tracks]
-        still = [dataclasses.replace(t, belief=b) for t, b in zip(situation.tracks, sure, strict=True)]
-        sure = dataclasses.replace(situation, tracks=tuple(still))
-        drawn = MonteCarlo(7).predict(sure, 5, np.random.default_rng(0))
-        drawn = drawn._replace(covariances=np.tile(view.covariances, (7, 1, 1)))
-        controls = np.random.default_rng(seed).uniform(-3, 3, (3, 5, 2))
-        assert team_cost(drawn, controls, beta, 7) == pytest.approx(team_cost(view, controls, beta), rel=1e-9)
-
-
 def test_the_occlusion_model_is_the_planners_own(random_team):
     differing = 0
     for seed in range(6):
@@ -163,15 +108,6 @@ def test_the_occlusion_model_is_the_planners_own(random_team):
         np.testing.assert_array_equal(planned(Composed(occlusion="line_of_sight"), discs), usual)
         differing += not np.array_equal(believed, usual)
     assert differing >= 2
-
-
-def test_the_last_plan_is_a_start_that_is_never_made_worse(random_team):
-    team = random_team(2)
-    plans = planned(Composed(), team)
-    lazy = Composed(optimizer=CrossEntropy(1, elites=1, rounds=1))
-    view = nominal(team[0], 5)
-    kept = planned(lazy, knowing(team, plans), 1)
-    assert team_cost(view, kept, 0.5) <= team_cost(view, plans, 0.5) * (1 + 1e-9)
 
 
 def test_intents_are_last_plans_shifted_and_one_base_step_or_hover(random_team):

@@ -9,7 +9,6 @@ from helpers.nominal import team_cost
 from helpers.teams import knowing, planned
 
 from planning.composed import Composed
-from planning.coordination.schemes import Centralised
 from planning.optimizers.grid_search import GridSearch
 from planning.prediction.intent import base_control, base_policy_plans, expect_plans
 from planning.prediction.propagation import MonteCarlo
@@ -91,42 +90,7 @@ def test_mcr_with_the_penalty_finds_the_best_of_all_sequences(random_team):
     assert changed > 3
 
 
-def test_joint_first_actions_are_the_best_by_brute_force(random_team):
-    grid = GridSearch(4)
-    for seed in range(4):
-        team = knowing(random_team(seed, uavs=2, spread=15.0), np.zeros((2, 3, 2)))
-        pieces = Composed(3, Centralised(), optimizer=grid, actions="first", beta=0.5)
-        plans = planned(pieces, team, seed)
-        view = pieces.propagator.predict(team[0], 3, np.random.default_rng(0))
-        tried = [
-            team_cost(view, np.array([rolled_out(team[0], i, [u], 3) for i, u in enumerate(firsts)]), 0.5)
-            for firsts in itertools.product(grid.controls(5.0), repeat=2)
-        ]
-        assert team_cost(view, plans, 0.5) <= min(tried) * (1 + 1e-12)
-
-
 def test_with_one_step_the_first_action_is_the_whole_plan(random_team):
     for name in ("mcr(samples=4, evaluations=512, horizon=1", "sma-nbo-mwtp(evaluations=512, horizon=1"):
         whole, first = planned(f"{name})", random_team(2)), planned(f"{name}, actions=first)", random_team(2))
         np.testing.assert_array_equal(first, whole)
-
-
-@pytest.mark.parametrize("optimizer", ["cross-entropy", "particle-swarm", "grid"])
-def test_every_optimiser_finds_first_actions_within_limits(random_team, optimizer):
-    for case in ({}, {"targets": 0}):
-        plans = planned(f"mcr(samples=4, actions=first, optimizer={optimizer})", random_team(4, **case))
-        assert plans.shape == (3, 5, 2) and np.linalg.norm(plans, axis=2).max() <= 5.0 * (1 + 1e-9)
-
-
-def test_for_one_uav_optimising_all_controls_is_at_least_as_good(random_team):
-    """The plan of the base policy after a first control is one of those that all controls can make."""
-    gains = []
-    for seed in range(8):
-        team = random_team(seed, uavs=1, targets=6)
-        view = Composed().propagator.predict(team[0], 5, np.random.default_rng(0))
-        whole, first = (
-            team_cost(view, planned(pieces, team, seed), 0.0)
-            for pieces in (Composed(beta=0.0), Composed(beta=0.0, actions="first"))
-        )
-        gains.append(1.0 - whole / first)
-    assert min(gains) >= -1e-9 and max(gains) > 0.01

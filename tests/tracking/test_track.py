@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracking.filter.kalman import Gaussian
-from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import gospa
 from tracking.track import Track
 
 CUT_OFF = 10.0

@@ -18,13 +18,8 @@ def find_gating_batches(
 
     Each track is in one batch; a measurement near no track is in none. A batch consists of whole connected components
     of the graph of gates, which JPDA calls clusters.
-
-    Args:
-        means: Means (T, 4) of tracks.
-        covariances: Covariances (T, 4, 4) of tracks.
-        measurements: Measurements (N, 2) m.
-        noise: Their covariances (N, 2, 2) m².
-        gate: Largest squared Mahalanobis distance.
+    means (T, 4) and covariances (T, 4, 4) of tracks; measurements (N, 2) m and their covariances `noise` (N, 2, 2) m²;
+    gate: largest squared Mahalanobis distance.
     """
     roots = _find_roots(means, covariances, measurements, noise, gate)
     firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)

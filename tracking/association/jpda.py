@@ -91,12 +91,8 @@ def gated_likelihood(
 ) -> Array:
     """Density (T, N) 1/m² of each measurement, given that it is the track's and in its gate; zero outside the gate.
 
-    Args:
-        means: Means (T, 4) of tracks.
-        covariances: Covariances (T, 4, 4) of tracks.
-        measurements: Measurements (N, 2) m.
-        noise: Their covariances (N, 2, 2) m².
-        gate_probability: Probability that a person's measurement is in the gate, an ellipse.
+    The gate is an ellipse. means (T, 4) and covariances (T, 4, 4) of tracks; measurements (N, 2) m and their
+    covariances `noise` (N, 2, 2) m²; gate_probability: that a person's measurement is in the gate.
     """
     threshold = -2.0 * log(1.0 - gate_probability)
     out = np.zeros((len(means), len(measurements)))
@@ -124,12 +120,9 @@ def mixture_update(
     The component of a measurement is a Kalman update of the predicted belief in Joseph's form with the measurement's R.
     Source: [BarShalom11] 6.2.
 
-    Args:
-        predicted: Means (T, 4) and covariances (T, 4, 4) before the scan.
-        undetected: The same, given that the person gave no measurement.
-        measurements: Measurements (N, 2) m.
-        noise: Their covariances (N, 2, 2) m².
-        beta: Association probabilities (T, N + 1).
+    predicted: means (T, 4) and covariances (T, 4, 4) before the scan; undetected: the same, given that the person gave
+    no measurement; measurements (N, 2) m and their covariances `noise` (N, 2, 2) m²; beta (T, N + 1): association
+    probabilities.
     """
     means, covariances = predicted
     new_means, new_covariances = means.copy(), np.empty_like(covariances)

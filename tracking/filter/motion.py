@@ -76,13 +76,8 @@ def make_motion_model(name: str, dt: float, sigma_a: float, max_speed: float, wa
     """The motion model of that name or import string.
 
     InputError if there is none, if its attribute `dt` differs from this one, or later if its predictions are wrong.
-
-    Args:
-        name: Name or import string.
-        dt: Duration of a step [s].
-        sigma_a: Standard deviation of the acceleration [m/s²].
-        max_speed: Largest speed of people [m/s].
-        walking_speed: Speed that is expected at first [m/s].
+    dt: duration of a step [s]; sigma_a: standard deviation of the acceleration [m/s²]; max_speed: largest speed of
+    people [m/s]; walking_speed: the speed that is expected at first [m/s].
     """
     model: MotionModel = MOTION_MODELS.make(name, dt, sigma_a, max_speed, walking_speed)
     with MOTION_MODELS.errors(name, "be made"):

@@ -25,13 +25,9 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
     Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are assumed to be in
     the belief even if they showed all of it, which is no information, or if the fleet did not have the track then.
 
-    Args:
-        means: Means (T, 4).
-        covariances: Covariances (T, 4, 4).
-        views: Flags (T, 2, K) of the samples that the frames of this scan show, and those that the frames before
-            showed, by one UAV or by any of several.
-        elapsed: Times (T,) s since the frames before.
-        detection: Probability of detection in plain view.
+    means (T, 4) and covariances (T, 4, 4); views (T, 2, K): flags of the samples that the frames of this scan show, and
+    those that the frames before showed, by one UAV or by any of several; elapsed (T,) s since the frames before;
+    detection: probability of detection in plain view.
     """
     missed = np.ones((len(views), views.shape[2]))
     for t in range(len(missed)):

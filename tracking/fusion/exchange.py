@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.association.jpda import log_odds
-from tracking.fusion.message import IDS_PER_SCAN, Message, Partition, new_id
+from tracking.fusion.message import IDS_PER_SCAN, EndedTrack, Message, Partition, new_id
 from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
 from tracking.numerics.arrays import Array, Indices
 from tracking.parameters import SEEN, TrackerParameters
@@ -70,7 +70,7 @@ class Messenger:
         keys, w = np.empty((len(table.ids), 2), dtype=np.int64), weights[:, None]
         keys[:, 0], keys[:, 1] = partition.leader, table.ids
         shares = np.concatenate([w, w * averaged, w * log_odds(table.existence)[:, None]], axis=1)
-        deleted = tuple(sorted(self._deleted.items()))
+        deleted = tuple(EndedTrack(*ended) for ended in sorted(self._deleted.items()))
         rest = shares, table.times, table.views, table.misses, table.sightings, deleted, novel
         return Message(self.uav, degree, self.scans, self.time, partition, table.ids, keys, *rest)
 

@@ -83,8 +83,6 @@ class ScanLog:
     """
 
     def __init__(self, uav: int, start: FleetState, hold: int) -> None:
-        if hold < 1:
-            raise ValueError(f"hold must be at least 1 scan, is {hold}")
         self._uav = uav
         self._hold = hold
         self._first = 0  # number of the first scan kept

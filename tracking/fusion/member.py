@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tracking.fusion.message import LOG_ODDS, WEIGHT, Message, Partition
+from tracking.fusion.message import LOG_ODDS, WEIGHT, EndedTrack, Message, Partition
 from tracking.fusion.rule import check_novel
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
@@ -94,13 +94,7 @@ def make_tracker(
 ) -> Member:
     """The tracker of a UAV; InputError if there is none of that name, or later if its results are unusable.
 
-    Args:
-        name: Name or import string.
-        uav: Number of the UAV.
-        camera: Its camera.
-        forest: The known map of trees.
-        parameters: Settings of trackers, motion model and fusion rule.
-        initial: Tracks of people who are known at the start.
+    The arguments after the name or import string are those of `tracking.tracker.Tracker`.
     """
     made = TRACKERS.make(name, uav, camera, forest, parameters, initial)
     if name in TRACKERS.built_in:
@@ -187,7 +181,7 @@ def check_message(given: object) -> Message:
     sent = replace(
         given,
         partition=Partition(*_check_pairs("partition", [given.partition])[0]),
-        deleted=_check_pairs("deleted", given.deleted),
+        deleted=tuple(EndedTrack(*ended) for ended in _check_pairs("deleted", given.deleted)),
         novel=check_novel("novel", given.novel, count),
         **check_fields(given, _COLUMNS, count),
     )

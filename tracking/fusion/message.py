@@ -45,6 +45,13 @@ class Partition(NamedTuple):
     time: float  # s, of the leader's last message
 
 
+class EndedTrack(NamedTuple):
+    """A track that the fleet has deleted."""
+
+    id: int
+    until: float  # s, up to which sightings of the track are void
+
+
 @dataclass(eq=False)  # a frozen one takes four times as long to make
 class Message:
     """Message of a UAV to its neighbours in one round of consensus, about T tracks by ascending id.
@@ -68,7 +75,7 @@ class Message:
     views: Indices  # (T, 2), as in `TrackTable`, of all UAVs heard
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3), position [m] and time [s] of the fleet's last sure detection before this scan
-    deleted: tuple[tuple[int, float], ...]  # ascending ids, and times [s] up to which sightings of the tracks are void
+    deleted: tuple[EndedTrack, ...]  # by ascending id
     novel: Array  # (T, 0) or (T, INFORMATION + U), U > 0
 
     @property

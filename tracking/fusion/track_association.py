@@ -8,6 +8,7 @@ import numpy as np
 
 from tracking.fusion.message import (
     IDS_PER_SCAN,
+    EndedTrack,
     Message,
     are_alike,
     find_beliefs,
@@ -36,7 +37,7 @@ class JointTracks(NamedTuple):
     ids: Indices  # (T,), ascending
     keys: Indices  # (T, 2), as in messages
     rows: Indices  # (N, T) row of each track in each message; -1 in a message that has it not, or not its latest state
-    deleted: tuple[tuple[int, float], ...]  # deletions in any of the messages, as in a message
+    deleted: tuple[EndedTrack, ...]  # in any of the messages
 
 
 class _Table(NamedTuple):
@@ -73,7 +74,8 @@ def associate_tracks(messages: Sequence[Message], max_speed: float) -> JointTrac
     order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
     ordered = [messages[k] for k in order]
     # `dict` keeps the latest time of each id, because the last of equal keys counts.
-    deleted = tuple(dict(sorted({deletion for m in messages for deletion in m.deleted})).items())
+    latest_ends = dict(sorted({ended for m in messages for ended in m.deleted}))
+    deleted = tuple(EndedTrack(*ended) for ended in latest_ends.items())
     table = _tabulate(ordered, deleted)
     group, ends = _group(ordered, table, max_speed)
     ids = _choose_ids(table, group, ends, messages[0].scan)
@@ -87,7 +89,7 @@ def associate_tracks(messages: Sequence[Message], max_speed: float) -> JointTrac
     return JointTracks(kept, table.keys[first], rows, deleted)
 
 
-def _tabulate(messages: Sequence[Message], deleted: tuple[tuple[int, float], ...]) -> _Table:
+def _tabulate(messages: Sequence[Message], deleted: tuple[EndedTrack, ...]) -> _Table:
     """Tabulate the tracks of messages, without tracks whose last detection a deletion has made void.
 
     A message that contains all deletions has no such tracks.

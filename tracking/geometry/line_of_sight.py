@@ -100,12 +100,8 @@ def is_blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
 def length_inside(origin: Vector, point: Vector, cylinder: Vector, start: float, end: float) -> float:
     """Length [m] inside a solid cylinder of a part of a segment that touches the cylinder.
 
-    Args:
-        origin: Start of the segment (3,) m.
-        point: End of the segment (3,) m.
-        cylinder: Cylinder (5 or more,) as in `make_grid`.
-        start: Where the part starts, 0 at the origin.
-        end: Where the part ends, 1 at the point.
+    The part of the segment from origin (3,) to point (3,) m is from `start`, 0 at the origin, to `end`, 1 at the point.
+    cylinder (5 or more,) as in `make_grid`.
     """
     dx, dy, dz = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
     ox, oy = origin[0] - cylinder[0], origin[1] - cylinder[1]
@@ -125,13 +121,7 @@ def optical_depth(origin: Vector, point: Vector, cylinder: Vector, start: float,
     """Extinction times length of a part of a segment inside a cylinder, by which `free_share` falls.
 
     It is 0 outside, and infinite if the segment touches an opaque cylinder.
-
-    Args:
-        origin: Start of the segment (3,) m.
-        point: End of the segment (3,) m.
-        cylinder: Cylinder (6,), the last entry being the extinction [1/m].
-        start: Where the part starts, 0 at the origin.
-        end: Where the part ends, 1 at the point.
+    Arguments as of `length_inside`; the last entry of the cylinder (6,) is the extinction [1/m].
     """
     if not is_blocked(origin, point, cylinder):
         return 0.0
@@ -189,13 +179,8 @@ def lower_detectable_shares(shares: Array, cameras: Array, height: float, point:
     """Lower shares to the detectable shares of a point for cameras side by side; returns how many become 0.
 
     The law is that of `detectable_share` and `free_share`, without a raster.
-
-    Args:
-        shares: 0 or 1 of each camera (L,).
-        cameras: Places of the cameras (2, L) m.
-        height: Of the cameras [m].
-        point: The point (3,) m.
-        cylinders: Cylinders (B, 6) that may hide the point.
+    shares (L,): 0 or 1 of each camera, changed in place; cameras (2, L) m: their places at one height [m]; point (3,)
+    m; cylinders (B, 6) that may hide the point.
     """
     east, north = cameras[0], cameras[1]
     hidden, porous = 0, False

@@ -5,6 +5,8 @@ TARGET_HEIGHT = 0.85
 PERSON_HEIGHT = 2 * TARGET_HEIGHT  # m
 PERSON_RADIUS = 0.25  # m, radius of the cylinder that stands for a person where a plain shape will do
 PERSON_SIZE = (2 * PERSON_RADIUS, 2 * PERSON_RADIUS, PERSON_HEIGHT)  # m, of the box around that cylinder
+ENCLOSING_CYLINDER = (0.5, 1.75)  # m, radius and height of an upright cylinder that encloses a person
+ENCLOSING_RADIUS = 1.1  # m, of a sphere around the middle that encloses a person
 AREA_FROM_ABOVE = 0.27  # m², mean area of a person seen from straight above: that of `SILHOUETTE`
 
 # Mean outline over all headings, as three horizontal circles: height above ground, radius [m].

@@ -74,13 +74,8 @@ class Escapes:
 
         The parts keep the id of their track. The existence of a part is the probability that the person is there; these
         add up to at most one.
-
-        Args:
-            time: Of the tracks [s].
-            tracks: Tracks of one UAV.
-            looks: Frames at this time.
-            forest: The known map of trees.
-            area: Width and height of the area [m], in which people stay.
+        time [s] of the tracks, which are one UAV's; looks: frames at this time; area: width and height [m], in which
+        people stay.
         """
         lost = [track for track in tracks if _HELD < time - track.sighting[2] < math.inf]
         self._lost = {track.id: self._follow(track, time) for track in lost}

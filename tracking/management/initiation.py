@@ -13,6 +13,7 @@ from tracking.measurement_update import ScanPrediction, ScanUpdate, update_scan
 from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
+from tracking.track import Beliefs
 
 # s without a measurement after which a tentative track is deleted; a later one could be another person's
 PATIENCE = 1.0
@@ -47,15 +48,8 @@ def initiate_tracks(
     measurement. With m of n, it needs m measurements within its first n scans. A measurement counts if it is the
     track's with a probability above one half. Source: [Musicki04], [Williams15].
 
-    Args:
-        tentative: Tentative tracks before the scan.
-        z: Measurements (N, 2) m that no track explains.
-        R: Their covariances (N, 2, 2) m².
-        time: Of the scan [s].
-        elapsed: Steps of motion since tentative tracks were last predicted.
-        forest: The known map of trees.
-        lens: The camera at its pose in the scan.
-        p: Parameters of the tracker.
+    z (N, 2) m: measurements that no track explains; R (N, 2, 2) m²: their covariances; time: of the scan [s]; elapsed:
+    steps of motion since tentative tracks were last predicted; lens: the camera at its pose in the scan.
     """
     if not tentative and not len(z):
         return [], []
@@ -117,7 +111,7 @@ def _predict(
     means, covariances = predict_steps(p.motion, means, covariances, elapsed)
     existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
     detectable = visible_samples(forest, means, covariances, lens)[:, 0].mean(axis=1)
-    return ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
+    return ScanPrediction(means, covariances, Beliefs(means, covariances), existence, detectable, detectable)
 
 
 def _find_likeliest(after: ScanUpdate, t: int) -> int | None:

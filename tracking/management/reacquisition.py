@@ -39,13 +39,8 @@ def turned_density(
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its existence probability, and a person after a turn is taken to be detected for certain.
 
-    Args:
-        sightings: Sightings (T, 3) as in `find_lost_tracks`.
-        existence: Existence probabilities (T,).
-        z: Measurements (N, 2) m.
-        R: Their covariances (N, 2, 2) m².
-        times: Of the scan before and of this one [s].
-        loss: `TrackerParameters.loss`.
+    sightings (T, 3) as in `find_lost_tracks`; existence (T,): probabilities; z (N, 2) m and R (N, 2, 2) m²:
+    measurements and their covariances; times: of the scan before and of this one [s]; loss: `TrackerParameters.loss`.
     """
     density = np.zeros(len(z))
     for t in range(len(sightings)):
@@ -74,13 +69,8 @@ def match_lost_tracks(
 
     A lost person can have moved from the last sighting at no more than `max_speed`. Among the pairs within reach, one
     assignment finds the likeliest ones, even if they are unlikely, because beliefs predict no turns behind trees.
-
-    Args:
-        new: Means (N, 4) and covariances (N, 4, 4) of new tracks.
-        lost: Means (L, 4) and covariances (L, 4, 4) of lost tracks.
-        seen: Sightings (L, 3) of the lost ones.
-        now: Time [s] of the beliefs.
-        max_speed: Largest speed of people [m/s].
+    new: means (N, 4) and covariances (N, 4, 4) of new tracks; lost: the same of L lost tracks; seen (L, 3): their
+    sightings; now: time [s] of the beliefs; max_speed: largest speed of people [m/s].
     """
     cost = gaussian_costs(new[0][:, None, :2] - lost[0][:, :2], new[1][:, None, :2, :2] + lost[1][:, :2, :2])
     gaps = length(seen[None, :, :2] - new[0][:, None, :2])

@@ -1,4 +1,4 @@
-"""OSPA distance between sets of estimated and true positions, and OSPA(2) between sets of trajectories."""
+"""OSPA and GOSPA distance between sets of estimated and true positions, and OSPA(2) between sets of trajectories."""
 
 import math
 from typing import NamedTuple
@@ -19,6 +19,18 @@ class Ospa(NamedTuple):
     distance: float
     localisation: float
     cardinality: float
+
+
+class Gospa(NamedTuple):
+    """GOSPA distance [m] and its parts: localisation^p + missed^p + false^p = distance^p.
+
+    Each missed truth and each false estimate adds c^p / 2 to the p-th power of its part.
+    """
+
+    distance: float
+    localisation: float
+    missed: float
+    false: float
 
 
 def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
@@ -65,6 +77,20 @@ def _score_gaps(gaps: Array, c: float, p: float) -> Ospa:
     total = float(least_costs(power_each(np.minimum(gaps, c), p)).sum()) / max(most, 1)
     lacking = power(c, p) * (most - fewest) / max(most, 1)
     return Ospa(power(total + lacking, 1 / p), power(total, 1 / p), power(lacking, 1 / p))
+
+
+def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> Gospa:
+    """Generalised OSPA distance, alpha = 2, between estimates (A, 2) and truths (B, 2), all in m.
+
+    c is the cut-off [m]: an estimate and a truth at least this far apart count as a false estimate and a missed truth.
+    p is the order, from 1 to 10. Unlike OSPA, GOSPA is a sum over targets, not a mean. Source: [Rahmathullah17].
+    """
+    check_metric(c, p)
+    X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
+    costs = least_costs(power_each(np.minimum(length(X[:, None] - Y[None]), c), p))
+    inside, half = costs[costs < power(c, p)], power(c, p) / 2
+    sums = float(inside.sum()), (len(Y) - len(inside)) * half, (len(X) - len(inside)) * half
+    return Gospa(power(sums[0] + sums[1] + sums[2], 1 / p), *(power(part, 1 / p) for part in sums))
 
 
 def check_metric(c: float, p: float) -> None:

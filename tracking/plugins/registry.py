@@ -86,12 +86,8 @@ class Registry:
     ) -> Iterator[None]:
         """Raise `raises`, with the text "FIELD: NAME cannot WHAT: why", for any exception of a plug-in in the block.
 
-        Args:
-            name: Name or import string of the plug-in.
-            what: What it cannot do, in words.
-            plugin: As in `plugin_call`.
-            method: As in `plugin_call`.
-            passing: As in `plugin_call`.
+        name: name or import string of the plug-in; what: what it cannot do, in words; the others are those of
+        `plugin_call`.
         """
         try:
             with plugin_call(plugin, method, passing=passing):

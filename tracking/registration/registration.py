@@ -55,14 +55,22 @@ class Registration:
 
     def __init__(self, navigation: Navigation, *, estimates: bool, known: bool) -> None:
         """Begin with the figures; `known` as in `make_registration`."""
-        self._navigation, self._estimates, self._known = navigation, estimates, known
+        self._navigation = navigation
+        self._estimates = estimates
+        self._known = known
         self._stay = np.square([*navigation.biases, navigation.clock_deviation])
         self._vary = np.square([*navigation.drifts, 0.0])
-        self.errors, self.covariance = np.zeros(ERRORS), np.diag(self._stay + self._vary)
+        self.errors = np.zeros(ERRORS)
+        self.covariance = np.diag(self._stay + self._vary)
         self._common: Array | None = None  # (7, 7), covariance of what the whole fleet shares, which no residual shows
         self._crosses: dict[int, Array] = {}  # C (4, 7) of the state of each track and the errors
-        self._pose, self._time, self._fleet, self._same = Pose.level(0.0, 0.0, 0.0), -np.inf, 1, 1.0
-        self._believed, self._velocity, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
+        self._pose = Pose.level(0.0, 0.0, 0.0)  # of the last scan, corrected
+        self._time = -np.inf  # s, of the last scan
+        self._fleet = 1  # number of UAVs that fuse
+        self._same = 1.0  # number of scans within `_TRACK_TIME`
+        self._believed = np.zeros(2)  # m, place in the last scan
+        self._velocity = np.zeros(2)  # m/s
+        self._acceleration = np.zeros(2)  # m/s²
         self._mean: Array | None = None  # (2,) m/s, mean believed velocity before the last scan
         self._residuals: list[_Residual] = []
         self._noise = np.zeros((0, 2, 2))  # m², covariances of the last scan without the errors of the pose that stay
@@ -112,12 +120,8 @@ class Registration:
     def note(self, ids: Indices, beliefs: Beliefs, scan: Scan, gates: Indices, weights: Array) -> None:
         """Note how a corrected scan was associated with tracks.
 
-        Args:
-            ids: Ids (T,) of tracks.
-            beliefs: Their beliefs before the scan.
-            scan: The scan, corrected.
-            gates: Pairs (G, 2) of a track and a measurement in its gate.
-            weights: Probabilities (G,) that the measurement is the person's.
+        ids (T,) and beliefs of tracks before the scan; scan: the corrected one; gates (G, 2): pairs of a track and a
+        measurement in its gate; weights (G,): probabilities that the measurement is the person's.
         """
         slopes = self._find_slopes(scan.pose, scan.measurements)
         self._residuals = [

@@ -70,7 +70,7 @@ def _plan_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Arra
     begun = setting.plan_start(float(recording.plan_times[plan]))
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
-    vehicle = make_vehicles(recording, int(np.argmin(np.abs(recording.times - begun))))[uav]
+    vehicle = make_vehicle(recording, int(np.argmin(np.abs(recording.times - begun))), uav)
     flown = mean_velocities(response([vehicle], step), controls[None, None])[0, 0]
     corners = vehicle.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(flown, axis=0)])
     camera = Pose(vehicle.position, vehicle.attitude)
@@ -90,14 +90,12 @@ def _find_view_states(recording: Recording, uav: int, views: list[Pose], places:
     return found
 
 
-def make_vehicles(recording: Recording, k: int) -> list[Vehicle]:
-    """All UAVs at scan k, by id, where they believe they are.
+def make_vehicle(recording: Recording, k: int, uav: int) -> Vehicle:
+    """A UAV at scan k, where it believes it is.
 
-    Note: velocities are means since the previous scan, because recordings have none; at the first scan they are zero.
+    Note: the velocity is the mean since the previous scan, because recordings have none; at the first scan it is zero.
     """
-    setting = recording.setting
-    moved = recording.poses[k, :, :2] - recording.poses[max(k - 1, 0), :, :2]
-    places = recording.believed_cameras[k, :, :3]  # a camera is where its UAV is
-    known = [Pose(place, pose.quaternion) for place, pose in zip(places, recording.poses_at(k), strict=True)]
-    bodies = zip(known, moved * setting.rates.sensing, strict=True)
-    return [vehicle_of(i, body, velocity, setting) for i, (body, velocity) in enumerate(bodies)]
+    own = recording.poses[:, uav]
+    velocity = (own[k, :2] - own[max(k - 1, 0), :2]) * recording.setting.rates.sensing
+    body = Pose(recording.believed_cameras[k, uav, :3], own[k, 3:])  # a camera is where its UAV is
+    return vehicle_of(uav, body, velocity, recording.setting)

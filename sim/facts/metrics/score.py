@@ -9,8 +9,7 @@ import numpy as np
 from sim.facts.metrics.holding import FAR, find_holding
 from sim.mission.recording import Recording
 from tracking.metrics.clearmot import Matcher, count_fragmentations, count_switches
-from tracking.metrics.gospa import gospa
-from tracking.metrics.ospa import ospa2
+from tracking.metrics.ospa import gospa, ospa2
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import most_pairs, pairs_within
 from tracking.numerics.distances import length, squared_distance

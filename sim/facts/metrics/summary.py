@@ -1,9 +1,13 @@
 """The summary of a mission: the content of summary.json, and a table for the terminal."""
 
 import json
+import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
+from importlib.metadata import version
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +17,6 @@ from rich.table import Table
 from sim.facts.metrics.catalogue import METRICS, evaluate, find_metric
 from sim.facts.metrics.fleet_facts import count_plan_bytes, list_contacts
 from sim.facts.metrics.holding import FAR
-from sim.facts.metrics.machine import describe_machine, list_versions
 from sim.facts.metrics.metric import UNKNOWN, Metric, Outcome, mean
 from sim.facts.metrics.score import Score
 from sim.mission.archive import compute_digest
@@ -54,6 +57,23 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
         "contacts": list_contacts(recording),
         "planning_s": [round(lap, 6) for lap in outcome.planning_s],
     }
+
+
+@cache
+def describe_machine() -> dict[str, str]:
+    """The processor, on which times depend and recordings do not."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:  # not Linux
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return {"processor": names[0] if names else platform.processor() or platform.machine()}
+
+
+def list_versions() -> dict[str, str]:
+    """Versions of Python and of the packages on which a result depends."""
+    packages = ("understory", "pybullet", "numpy", "scipy", "numba", "opencv-python-headless")
+    return {"python": platform.python_version(), **{name: version(name) for name in packages}}
 
 
 def _put_in_unit(asked: Metric, value: float | None) -> dict[str, Any]:

@@ -40,12 +40,7 @@ def make_about(
 ) -> About:
     """Facts about a study that is to be flown; InputError if they name what its trials will not have.
 
-    Args:
-        study: The study.
-        trials: All its trials.
-        baseline: Label, text or name of a planner or tracker; None means the first.
-        labels: Labels of planners, as "label=planner".
-        metrics: Names of the metrics to show.
+    baseline: label, text or name of a planner or tracker; None means the first. labels: as "label=planner".
     """
     given = parse_labels(trials, labels)
     find_baseline(trials, baseline, given)

@@ -14,12 +14,7 @@ ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as 
 def write_verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
     """One sentence: a planner is better or worse than the baseline, or these maps show no difference.
 
-    Args:
-        planner: Its label.
-        baseline: Label of the baseline.
-        metric: The metric that decides.
-        gap: The difference.
-        shown: Number of differences that the page shows, including this one.
+    planner and baseline: their labels. shown: number of differences that the page shows, including this one.
     """
     if not gap.pairs:
         return f"{planner} and {baseline} cannot be told apart: they have no map in common."

@@ -12,7 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 
-from sim.facts.metrics.machine import list_versions
+from sim.facts.metrics.summary import list_versions
 from sim.scenario.random_streams import format_seed
 from sim.study.analysis.groups import find_constant_factors
 from sim.study.analysis.labels import cell_text, format_entrant, shorten_labels

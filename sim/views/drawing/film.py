@@ -56,7 +56,7 @@ class Film:
         labelled: False if people are unknown; the film then shows detections on the map, and no OSPA.
         """
         self._labelled = labelled
-        self._cameras = [uav.true_camera for uav in scenario.uavs]
+        self._cameras = [uav.believed_camera for uav in scenario.uavs]  # through which UAVs see their tracks
         self._layout = lay_out_parts(scenario, layout)
         room = self._layout.map or _PANEL
         self._map = MapView(scenario, forest, (room.width, room.height))

@@ -76,11 +76,11 @@ def draw_legend(
 
 
 def _list_trees(forest: Forest) -> Iterator[_Entry]:
-    porous = [tree.cover for tree in forest.trees if tree.cover < 1.0]
-    if len(porous) < max(len(forest.trees), 1):
+    covers = [solid.cover for solid in forest.solids if solid.part != "trunk"] or [1.0]
+    if max(covers) == 1.0:
         yield partial(_draw_tree, cover=1.0), "tree"
-    if porous:
-        yield partial(_draw_tree, cover=min(porous)), "porous tree"
+    if min(covers) < 1.0:
+        yield partial(_draw_tree, cover=min(covers)), "porous tree"
 
 
 def _draw_scale_bar(image: Image, scale: float, right: Array) -> None:

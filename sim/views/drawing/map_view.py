@@ -73,15 +73,17 @@ class MapView:
                 ends = np.array([-half, half])
                 ends[:, axis] = tick
                 draw_line(image, self.pixels(ends), mix(palette.LINE, PANEL, 0.5))
-        canopies = image.copy()
-        for tree in forest.trees:
-            colour = mix(palette.CANOPY, PANEL, tree.cover)
-            draw_disc(canopies, self.pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, colour)
-        cv2.addWeighted(canopies, 0.6, image, 0.4, 0, dst=image)
-        for tree in forest.trees:
-            place = self.pixels(np.array([tree.x, tree.y]))
-            draw_disc(image, place, tree.canopy_radius * self.scale, palette.CANOPY_EDGE, 1)
-            draw_disc(image, place, max(tree.trunk_radius * self.scale, 2.2 * self._mark), palette.TRUNK)
+        shade = image.copy()
+        for solid in (solid for solid in forest.solids if solid.part != "trunk"):
+            place, colour = self.pixels(np.array([solid.x, solid.y])), mix(palette.CANOPY, PANEL, solid.cover)
+            draw_disc(shade, place, solid.radius * self.scale, colour)
+        cv2.addWeighted(shade, 0.6, image, 0.4, 0, dst=image)
+        for solid in (solid for tree in forest.trees for solid in reversed(tree.solids)):
+            place, radius = self.pixels(np.array([solid.x, solid.y])), solid.radius * self.scale
+            if solid.part == "trunk":
+                draw_disc(image, place, max(radius, 2.2 * self._mark), palette.TRUNK)
+            else:
+                draw_disc(image, place, radius, palette.CANOPY_EDGE, 1)
         draw_line(image, self.pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), palette.FAINT, closed=True)
         return image
 

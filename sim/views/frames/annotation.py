@@ -97,7 +97,9 @@ class _Overlay:
 
     def _pixels(self, ground: Array) -> Array:
         """Pixels (N, 2) of points (N, 2) m at `TARGET_HEIGHT` as the UAV believes; NaN behind the camera."""
-        return np.asarray(self._scale * self._sight.camera.project(self._sight.believed, at_target_height(ground))[0])
+        return np.asarray(
+            self._scale * self._sight.believed_camera.project(self._sight.believed, at_target_height(ground))[0]
+        )
 
     def _person(self, sighting: Sighting) -> Array:
         body = np.array([*sighting.place, PERSON_RADIUS, 0.0, PERSON_HEIGHT])

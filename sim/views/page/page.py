@@ -23,7 +23,7 @@ from sim.facts.metrics.metric import Outcome
 from sim.facts.metrics.summary import format_recording_title
 from sim.mission.atomic_files import write_whole
 from sim.mission.recording import Recording
-from sim.scenario.loading import SCENARIOS, load
+from sim.scenario.loading import SCENARIOS, load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_value, list_changes
 from sim.scenario.uavs import Uav
@@ -160,11 +160,11 @@ def _list_facts(recording: Recording) -> Iterable[tuple[str, str]]:
     if name := _find_packaged_name(scenario):
         yield "scenario", name
     yield "flown", f"{recording.times[-1]:g} s, {scenario.rates.sensing} scans a second"
-    trees = recording.forest.trees
-    porous = [t.leaf_area_density for t in trees if math.isfinite(t.leaf_area_density)]
+    crowns = [solid for solid in recording.forest.solids if solid.part != "trunk"]
+    porous = [crown.leaf_area_density for crown in crowns if crown.is_porous]
     leaves = f", leaf area {_format_span(porous)}²/m³ in {len(porous)}" if porous else ""
-    canopies = f", canopies of {_format_span(t.canopy_radius for t in trees)}{leaves}" if trees else ""
-    yield "trees", f"{len(trees)}{canopies}"
+    canopies = f", canopies of {_format_span(crown.radius for crown in crowns)}{leaves}" if crowns else ""
+    yield "trees", f"{len(recording.trees)}{canopies}"
     yield "people", str(recording.person_count) if recording.labelled else "unknown"
     limited = scenario.sensing.field_of_view == "camera"
     views = f"views of {_format_span(uav.footprint for uav in scenario.uavs)}" if limited else "unlimited views"
@@ -190,7 +190,7 @@ def _find_packaged_name(scenario: Scenario) -> str | None:
     """Name of the packaged scenario that was flown, for any duration; None if it is not a packaged one."""
     settings = msgspec.to_builtins(scenario)
     flown = {"duration": scenario.duration}
-    return next((name for name in SCENARIOS if msgspec.to_builtins(load(name)) | flown == settings), None)
+    return next((name for name in SCENARIOS if msgspec.to_builtins(load_scenario(name)) | flown == settings), None)
 
 
 def _list_settings(scenario: Scenario) -> str:

@@ -9,7 +9,7 @@ from planning.planner_loading import load_planner
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.quadrangle import radius_in_view
 from sim.mission.mission import Mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.numerics.distances import length
 from tracking.track import beliefs_of
 
@@ -69,5 +69,7 @@ def _find_errors(people, means):
 def test_the_table_is_what_missions_flown_without_it_teach():
     """Some three minutes: 44 missions."""
     planner = load_planner("sma-nbo-gospa(cost_to_go=0)")
-    missions = (Mission(load(world), planner, seed) for world in ("crowd", "scatter") for seed in range(340, 362))
+    missions = (
+        Mission(load_scenario(world), planner, seed) for world in ("crowd", "scatter") for seed in range(340, 362)
+    )
     np.testing.assert_array_equal(fit(np.concatenate([collect_states(mission) for mission in missions])), FUTURE)

@@ -6,17 +6,13 @@ import math
 import numpy as np
 import pytest
 from helpers.nominal import nominal, plain_cost, plain_square_mwtp, squares, team_cost, weighted_trace_penalty
-from helpers.teams import planned
 
 from planning.composed import Composed
 from planning.objective.nbo import Measure, make_objective
 from planning.prediction.predicted_belief import predict_belief
 from planning.prediction.propagation import MonteCarlo, Nominal
 from planning.prediction.quadrangle import shortest_move
-from tracking.filter.kalman import Gaussian
 from tracking.filter.mean_reverting import MeanRevertingVelocity
-from tracking.geometry.visibility import Forest, Tree
-from tracking.track import Track
 
 WALKING = MeanRevertingVelocity(1.0, 0.5, walking_speed=1.6, scans=5)
 
@@ -60,18 +56,6 @@ def test_expected_visibility_and_cutoffs_equal_a_plain_transcription(random_team
     assert changed >= 10
 
 
-def test_a_tree_hides_a_person_from_a_uav_that_has_flown_off(random_team):
-    """The tree is beside the person above whom the UAV is now."""
-    situation = random_team(0, uavs=1, targets=1)[0]
-    own = dataclasses.replace(situation.own, position=np.array([0.0, 0.0, 20.0]))
-    track = Track(0, Gaussian(np.zeros(4), np.eye(4)))
-    forest = Forest((Tree(2.5, 0.0, canopy_radius=1.0),))
-    situation = dataclasses.replace(situation, own=own, tracks=(track,), forest=forest)
-    controls = np.tile([4.5, 0.0], (1, 2, 1))
-    expected, seen = plain_cost(situation, controls, 0.0)
-    assert seen == [1, 0] and team_cost(nominal(situation, 2), controls, 0.0) == pytest.approx(expected, rel=1e-9)
-
-
 def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
     situation = random_team(3)[0]
     view = nominal(situation, 4)
@@ -83,11 +67,6 @@ def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
             joint = controls.copy()
             joint[uavs] = candidate
             assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)
-
-
-def test_without_targets_the_objective_is_zero(random_team):
-    situation = random_team(0, targets=0)[0]
-    assert team_cost(nominal(situation, 5), np.zeros((3, 5, 2)), 0.5) == 0.0
 
 
 @pytest.mark.parametrize("traces", [(4.0, 9.0), (9.0, 4.0)])
@@ -110,16 +89,6 @@ def test_mwtp_agrees_with_the_plain_algorithm():
         expected = plain_square_mwtp(targets, traces, sensors, reach)
         found = weighted_trace_penalty(targets, traces, sensors, squares(reach))
         assert found == pytest.approx(expected, rel=1e-12)
-
-
-def test_mwtp_penalises_each_sensor_for_one_target_out_of_view_only():
-    targets = np.array([[100.0, 0.0], [100.0, 5.0]])
-    sensors = np.array([[0.0, 0.0], [1000.0, 0.0]])
-    penalty = weighted_trace_penalty(targets, np.array([2.0, 1.0]), sensors, squares([10.0, 10.0]))
-    # The first sensor takes both: D is 100 after the first target, then 100 + |(10, 5)| < 900.
-    assert penalty == pytest.approx(200.0)
-    targets = np.array([[5.0, -5.0]])
-    assert weighted_trace_penalty(targets, np.array([3.0]), np.zeros((1, 2)), squares([5.0])) == 0.0
 
 
 class Kept:
@@ -163,29 +132,3 @@ def test_each_sample_of_a_target_counts_alike(random_team):
     alone = [predict_belief(situation, points, drawn.covariances[:4]) for points in samples]  # with its own trees
     each = [team_cost(one._replace(weights=np.array([0.2, 1.0, 0.5, 0.7])), controls, 0.5) for one in alone]
     assert optimizer.values[0] == pytest.approx(np.mean(each), rel=1e-12)
-
-
-def test_a_person_lost_for_longer_costs_no_more(random_team):
-    situation, still = random_team(2)[0], np.zeros((3, 3, 2))
-    view = nominal(situation, 3)
-    found = {}
-    for cutoff in (np.inf, 10.0):
-        for grown in (1e4, 1e6):  # of three of four people
-            scales = np.array([1.0, grown, grown, grown])[:, None, None]
-            lost = view._replace(covariances=view.covariances * scales)
-            values = make_objective(lost, still, [0], 0.0, measure=Measure(gains=False, cutoff=cutoff))
-            found[cutoff, grown] = values(still[None, :1])[0]
-    assert found[np.inf, 1e6] > 90.0 * found[np.inf, 1e4]
-    assert found[10.0, 1e4] <= found[10.0, 1e6] <= min(1.01 * found[10.0, 1e4], 4 * 3 * 100.0)
-
-
-def test_a_lost_person_draws_a_uav_away_only_without_a_cutoff(random_team):
-    """One UAV holds a person; another is lost 36 m away, and seeing that one takes leaving the first."""
-    situation = random_team(2, uavs=1, targets=2, trees=0)[0]
-    here = situation.own.position[:2]
-    held = Track(0, Gaussian(np.array([*here, 0.0, 0.0]), np.diag([0.1, 0.1, 4.0, 4.0])))
-    lost = Track(1, Gaussian(np.array([here[0] + 36.0, here[1], 0.0, 0.0]), np.diag([200.0, 200.0, 0.5, 0.5])))
-    situation = dataclasses.replace(situation, tracks=(held, lost))
-    plans = [planned(f"sma-nbo-gospa(search=0, cutoff={c}, evaluations=2000)", [situation])[0] for c in (0, 10)]
-    without, with_one = (plan[:, 0].sum() for plan in plans)
-    assert without > 15.0 and with_one < 0.0

@@ -17,7 +17,6 @@ from planning.objective.terms import (
     Separation,
     _Cells,
     _count_steps_to_go,
-    _find_least_lengths,
     _make_sights,
 )
 from planning.planner_loading import load_planner
@@ -116,21 +115,6 @@ def test_steps_to_an_undetected_target_are_none_only_where_it_is_in_view(random_
     assert np.mean(steps - least) < 2.5 and np.sum(steps == 0) > 5
 
 
-def test_of_uavs_that_hover_the_cost_is_the_same_whichever_decide(random_team):
-    people = np.zeros((20, 30))
-    people[[0, 19], [0, 29]] = 1.0  # out of view
-    situation, plans = unaware(random_team(0, targets=0)[0], people), np.zeros((3, 5, 2))
-    costs = [Search(1.0).objective(situation, plans, uavs)(plans[None, uavs])[0] for uavs in ([0], [0, 1], [0, 1, 2])]
-    assert costs[0] > 10.0 and costs == pytest.approx([costs[0]] * 3)
-
-
-def test_without_undetected_targets_the_plan_is_as_without_search(random_team):
-    team = random_team(1)
-    plain = planned("sma-nbo-mwtp(search=0)", team)
-    for aware in (team, [unaware(s) for s in team]):
-        np.testing.assert_array_equal(planned("sma-nbo-mwtp(search=100)", aware), plain)
-
-
 @pytest.mark.parametrize("coordination", ["sequential", "parallel", "decentralised", "centralised"])
 def test_the_nearest_uav_flies_to_where_an_undetected_target_must_be(random_team, coordination):
     people = np.zeros((20, 30))
@@ -172,28 +156,8 @@ def test_each_uav_infers_what_is_undetected_from_the_cameras_it_hears_of():
     assert more[0].sum() == pytest.approx(2.25 * together[0].sum())
 
 
-def test_nothing_is_inferred_from_a_camera_that_takes_no_frame_when_uavs_plan():
-    def left(duration):
-        settings = ("rates.planning=5", "uavs.0.rate=1", "uavs.1.rate=1", "network.range=1", "people.paths=[]")
-        return undetected_people(*UNKNOWN, *settings, "people.count=1", duration=duration, seed=1).sum(axis=(1, 2))
-
-    once, again, later = left(0.1), left(0.8), left(1.0)
-    np.testing.assert_allclose(again[:2], once[:2], rtol=1e-9)
-    assert again[2] < once[2] - 1e-3 and max(np.subtract(later, again)) < -1e-3
-
-
 def test_with_all_targets_known_none_is_undetected():
     assert not undetected_people(planner="sma-nbo-mwtp", duration=3).any()
-
-
-def test_with_search_fewer_people_are_left_where_no_camera_looked():
-    """Wandering people: without search UAVs hover by the people that they have found."""
-    settings = (UNKNOWN[0], "people.paths=[]", "trees.density=15")
-    without, searching = (
-        undetected_people(*settings, planner=f"sma-nbo-mwtp(search={search}, evaluations=256)", duration=12, seed=3)
-        for search in (0, 25)
-    )
-    assert searching.sum(axis=(1, 2)).max() < without.sum(axis=(1, 2)).min() - 0.5
 
 
 def test_options_choose_the_terms():
@@ -215,14 +179,6 @@ def nearest(team, plans):
     flown = np.array([[np.interp(times, np.arange(way.shape[1]), w[:, axis]) for axis in range(3)] for w in way])
     pairs = [np.linalg.norm(flown[i] - flown[j], axis=0).min() for i in range(len(flown)) for j in range(i)]
     return min(pairs)
-
-
-def test_the_closest_approach_between_steps_is_that_of_straight_flight():
-    rng = np.random.default_rng(0)
-    relative = rng.normal(size=(30, 4, 3)) * 4
-    s = np.linspace(0, 1, 4001)[:, None, None, None]
-    sampled = np.linalg.norm((1 - s) * relative[:, :-1] + s * relative[:, 1:], axis=-1).min(axis=0)
-    np.testing.assert_allclose(_find_least_lengths(relative), sampled, atol=2e-3)
 
 
 @pytest.mark.parametrize("coordination", ["sequential", "centralised"])

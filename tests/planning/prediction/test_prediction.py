@@ -8,10 +8,10 @@ from helpers.nominal import nominal, team_cost
 from helpers.teams import Spy, planned, refitted
 
 from planning.composed import Composed
-from planning.prediction.propagation import MonteCarlo, Nominal, _make_disturbance
+from planning.prediction.propagation import MonteCarlo, Nominal
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_planned_motion, make_tracker_parameters
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import Camera
@@ -33,7 +33,7 @@ def coasting(tracks, scenario, seconds):
 @pytest.mark.parametrize("seconds", [1, 5, 10])
 def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
     """Mean, covariance, the points of expected visibility and the cost of plans without a target in view."""
-    scenario = load("forest", settings)
+    scenario = load_scenario("forest", settings)
     motion = make_planned_motion(scenario)
     team = [dataclasses.replace(s, motion=motion) for s in random_team(3)]
     situation = team[0]
@@ -55,19 +55,8 @@ def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
     assert rest == pytest.approx(np.trace(covariances[:, :2, :2], axis1=1, axis2=2).sum(), rel=1e-9)
 
 
-def test_one_long_step_has_more_noise_than_five_scans():
-    """Accelerations that are constant for a second move people farther than five that are independent."""
-    several, one = NearlyConstantVelocity(1.0, 0.5, scans=5), NearlyConstantVelocity(1.0, 0.5)
-    assert several.Q[2, 2] == pytest.approx(one.Q[2, 2] / 5) and several.Q[0, 2] == pytest.approx(one.Q[0, 2] / 5)
-    # Of an acceleration a in the scan that ends k scans before the step does come (k + 1/2) a dt² of way.
-    assert several.Q[0, 0] == pytest.approx(0.25 * 0.04**2 * 41.25, rel=1e-12)
-    for scans in (0, -1, 2.0):
-        with pytest.raises(ValueError, match=r"^scans must be an integer, 1 or more, is"):
-            NearlyConstantVelocity(1.0, 0.5, scans=scans)
-
-
 def test_a_mission_tells_planners_how_its_trackers_predict():
-    scenario = load("forest", ["duration=1", "sensing.mode=ideal", "dynamics=kinematic", "trees.density=0"])
+    scenario = load_scenario("forest", ["duration=1", "sensing.mode=ideal", "dynamics=kinematic", "trees.density=0"])
     planner = Spy()
     list(Mission(scenario, planner, 0).fly())
     assert make_tracker_parameters(scenario).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.75)
@@ -75,14 +64,14 @@ def test_a_mission_tells_planners_how_its_trackers_predict():
     seen = np.array([track.belief.mean[2:] for track in first.tracks])
     assert first.motion == MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5).learn(seen)
     assert planner.teams[-1][0].motion.learned_in > first.motion.learned_in
-    plain = load("forest", ["tracking.motion=ncv", "tracking.sigma_a=0.5"])
+    plain = load_scenario("forest", ["tracking.motion=ncv", "tracking.sigma_a=0.5"])
     assert make_planned_motion(plain) == NearlyConstantVelocity(1.0, 0.5, scans=5)
-    assert make_planned_motion(load("forest", ["tracking.motion=mymodels:Standing"])).transition == (1.0, 1.0)
+    assert make_planned_motion(load_scenario("forest", ["tracking.motion=mymodels:Standing"])).transition == (1.0, 1.0)
 
 
 @pytest.mark.parametrize("motion", ["ncv", "mean-reverting"])
 def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team, motion):
-    scenario = load("forest", [f"tracking.motion={motion}"])
+    scenario = load_scenario("forest", [f"tracking.motion={motion}"])
     situation = dataclasses.replace(random_team(2, targets=1)[0], motion=make_planned_motion(scenario))
     points = MonteCarlo(40_000).predict(situation, 5, np.random.default_rng(0)).points[:, :, 0, :2]
     for seconds in (1, 5):
@@ -96,13 +85,6 @@ def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team, motion):
     later = F @ situation.tracks[0].belief.covariance @ F.T + Q
     expected = F[0, 2] * (F[2, 2] * F[0, 2] * later[2, 2] + Q[0, 2])  # covariance of the second and the third way
     assert np.cov(ways[0], ways[1])[0, 1] == pytest.approx(expected, rel=0.05)
-
-
-@pytest.mark.parametrize("scans", [1, 5])
-def test_disturbances_by_unit_normal_numbers_are_a_root_of_the_process_noise(scans):
-    motion = NearlyConstantVelocity(1.0, 0.5, scans=scans)
-    root = _make_disturbance(motion, np.eye(4).reshape(4, 1, 2, 2))[:, 0]
-    np.testing.assert_allclose(root.T @ root, motion.Q, rtol=1e-12, atol=1e-15)
 
 
 def test_prediction_by_one_step_is_an_option(random_team):

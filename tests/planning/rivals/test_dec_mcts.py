@@ -64,15 +64,6 @@ def controls_of(horizon, directions):
     return np.array(list(itertools.product(each, repeat=horizon)))
 
 
-def test_a_uav_alone_finds_the_best_of_all_sequences(random_team):
-    for seed in range(3):
-        team = random_team(seed, uavs=1, spread=12.0)
-        plans = planned(DecMCTS(horizon=3, evaluations=4000, discount=1.0, exploration=2.0), team, seed)
-        every = gained(team[0], [0], controls_of(3, 8)[:, None])
-        found = gained(team[0], [0], plans[None])[0]
-        assert found >= 0.99 * every.max() > 0.0
-
-
 def test_distributions_concentrate_on_the_optimum_of_a_small_case(random_team):
     """Two UAVs of 25 sequences each."""
     each = controls_of(2, 4)

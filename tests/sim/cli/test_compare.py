@@ -3,7 +3,7 @@
 import pytest
 from helpers.studies import Serial, sql
 
-from sim.mission.archive import load
+from sim.mission.archive import load_recording
 from sim.study.store import Store, StoreError, read_rows
 
 FLAGS = ["--duration", "1", "--set", "sensing.mode=ideal"]
@@ -70,7 +70,7 @@ def test_a_scenario_name_or_file_is_compared_by_flags(compare, tmp_path):
     (row,) = read_rows(tmp_path / "runs" / "compare")
     assert (row.scenario, row.factors, row.planner, row.seed) == ("grove.toml", (), "hover", 4)
     (path,) = (tmp_path / "runs" / "compare" / "recordings").iterdir()
-    recording = load(path)
+    recording = load_recording(path)
     assert (recording.planner, recording.seed, len(recording.times)) == ("hover", 4, 6)
     assert sql(tmp_path / "runs" / "compare", "SELECT key FROM trials") == [(path.stem,)]
 

@@ -18,7 +18,7 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 import understory
 from sim.mission import mission as mission_module
 from sim.mission.archive import compute_digest
-from sim.scenario.loading import SCENARIOS, load
+from sim.scenario.loading import SCENARIOS, load_scenario
 from sim.world.trajectories import Trajectories
 from tracking.errors import InputError
 
@@ -190,7 +190,7 @@ def test_unknown_names_modes_and_repeats_are_refused():
 SEEDED = {
     "run": lambda seed: understory.run("forest", "hover", seed=seed, settings=IDEAL),
     "mission": lambda seed: understory.mission("forest", seed=seed, settings=IDEAL),
-    "Mission": lambda seed: understory.Mission(load("forest", ["sensing.mode=ideal"]), seed=seed),
+    "Mission": lambda seed: understory.Mission(load_scenario("forest", ["sensing.mode=ideal"]), seed=seed),
     "parallel": lambda seed: understory.parallel_env("forest", settings=IDEAL).reset(seed=seed),
     "team": lambda seed: TEAM(settings=IDEAL).reset(seed=seed),
 }
@@ -364,13 +364,13 @@ def test_a_flat_observation_is_all_arrays_one_after_another_in_order_of_their_na
 
 
 def setting_of(*overrides):
-    return load("forest", ["sensing.mode=ideal", "dynamics=kinematic", "duration=4", *overrides])
+    return load_scenario("forest", ["sensing.mode=ideal", "dynamics=kinematic", "duration=4", *overrides])
 
 
 OWN = {"uavs.0.start": [5, -20], "trees.density": 3, "people.count": 2, "uavs.1.max_speed": 2.5}
 
 
-@pytest.mark.parametrize("scenario", ["forest", load("forest")], ids=["name", "object"])
+@pytest.mark.parametrize("scenario", ["forest", load_scenario("forest")], ids=["name", "object"])
 def test_an_episode_has_the_settings_of_its_reset_and_the_next_one_has_not(scenario):
     env, own = (understory.parallel_env(scenario, settings=IDEAL | more) for more in ({}, OWN))
     plain = digests = None

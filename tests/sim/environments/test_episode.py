@@ -7,7 +7,7 @@ from helpers.flights import fly
 
 from sim.environments.episode import Episode
 from sim.mission.mission import Mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.views.drawing.film import Film, lay_out_parts
 
 
@@ -18,7 +18,7 @@ def test_an_episode_closes_its_world_if_its_first_scan_fails(monkeypatch):
     monkeypatch.setattr(Mission, "team", property(failing))
     before = open_clients()
     with pytest.raises(MemoryError):
-        Episode(load("forest", ["duration=2", "sensing.mode=ideal"]), 0, 0)
+        Episode(load_scenario("forest", ["duration=2", "sensing.mode=ideal"]), 0, 0)
     assert open_clients() == before
 
 
@@ -34,7 +34,7 @@ def test_a_slow_camera_shows_the_frame_it_took_between_two_decisions(drawn):
     for snapshot, images in zip(snapshots, frames, strict=True):
         image = film.draw(snapshot, images)
         tiles.append([image[box.slices] for box in boxes])
-    episode = Episode(load("forest", options), 0, 0)
+    episode = Episode(load_scenario("forest", options), 0, 0)
     for k in range(0, 7, 2):
         assert round(6 * episode.now.time) == k
         if k in drawn:

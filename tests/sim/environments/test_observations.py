@@ -13,7 +13,7 @@ from sim.environments.rewards import compute_expected_gospa, compute_true_gospa,
 from sim.mission.snapshot import find_reported_positions
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import ALL_ROUND, Camera
-from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import gospa
 from tracking.track import Track
 from tracking.undetected import Intensity
 

@@ -20,10 +20,10 @@ from sim.exchange.csv_files import (
     read_poses,
 )
 from sim.exchange.export import export
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.errors import InputError
 from tracking.fusion.consensus import step
 from tracking.geometry.quaternions import rotation
@@ -118,7 +118,7 @@ def test_a_fleet_steps_only_with_scans_of_one_time_and_of_its_own_uavs():
 def mission(tmp_path_factory):
     """A flown mission that began without tracks, and its exports."""
     out = tmp_path_factory.mktemp("mission")
-    setting = load("forest", ["duration=8", "sensing.mode=ideal", "tracking.initial_tracks=none"])
+    setting = load_scenario("forest", ["duration=8", "sensing.mode=ideal", "tracking.initial_tracks=none"])
     run_mission(Trial(setting, "greedy", 0), out / "run", video=False)
     recording = load_recording(out / "run" / "mission.npz")
     export(recording, "csv", out / "csv")

@@ -12,10 +12,10 @@ from sim.exchange.export import export
 from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.rerender import Rerenderer
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.errors import InputError
 
 LENS = "{width = 192, height = 128, hfov_deg = 60, distortion = [-0.2, 0.05]}"
@@ -32,7 +32,7 @@ SETTINGS = [
 def flight(tmp_path_factory):
     """A mission whose frames are files in place of detections; one camera has wide images, bent by its lens."""
     out = tmp_path_factory.mktemp("images")
-    run_mission(Trial(load("forest", SETTINGS), "greedy", 0), out / "run", video=False)
+    run_mission(Trial(load_scenario("forest", SETTINGS), "greedy", 0), out / "run", video=False)
     recording = load_recording(out / "run" / "mission.npz")
     export(recording, "csv", out / "flight")
     rows = ["time_s,uav,file"]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from helpers.flights import filmed, recorded
 
+from sim.exchange.export import write_labelled_images
 from sim.exchange.image_labels import read_coco
-from sim.exchange.labelled_images import write_labelled_images
 from sim.facts.rerender import Rerenderer
 from sim.scenario.uavs import Uav
 from sim.sensing.renderer import Renderer

@@ -11,10 +11,10 @@ from sim.exchange.mot import read_sequence
 from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.metrics.score import find_reported_tracks
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
@@ -27,7 +27,7 @@ INFO = "[Sequence]\nname=walk\nframeRate=25\nseqLength=5\nimWidth=1920\nimHeight
 def flight(tmp_path_factory):
     """A mission as sequences of MOTChallenge, whose gt.txt has the usual oddities."""
     out = tmp_path_factory.mktemp("mot")
-    run_mission(Trial(load("forest", SETTINGS), "greedy", 1), out / "run", video=False)
+    run_mission(Trial(load_scenario("forest", SETTINGS), "greedy", 1), out / "run", video=False)
     recording = load_recording(out / "run" / "mission.npz")
     export(recording, "mot", out / "flight")
     export(recording, "csv", out / "csv")

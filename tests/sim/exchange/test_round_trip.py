@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
+from helpers.flights import recorded
 from helpers.processes import python
 
 from sim.exchange.export import export
 from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.tracking_replay import replay_tracking
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 
 UNKNOWN = "tracking.initial_tracks=none"
 MISSIONS = {
@@ -36,7 +37,7 @@ TRACKS = [
 @pytest.fixture(scope="module", params=MISSIONS)
 def mission(request, tmp_path_factory):
     out = tmp_path_factory.mktemp("mission")
-    run_mission(Trial(load("forest", MISSIONS[request.param]), "greedy", 0), out / "run", video=False)
+    run_mission(Trial(load_scenario("forest", MISSIONS[request.param]), "greedy", 0), out / "run", video=False)
     recording = load_recording(out / "run" / "mission.npz")
     export(recording, "csv", out / "csv")
     (out / "csv" / "truth.csv").unlink()
@@ -79,3 +80,14 @@ def test_flights_are_tracked_without_the_engine(mission):
     assert done.returncode == 0, done.stderr
     again = load_recording(out / "tracked" / "mission.npz")
     assert again.track_means.tobytes() == mission[0].track_means.tobytes()
+
+
+def test_exports_hold_the_calibration_that_the_fleet_believes(tmp_path):
+    wrong = ("uavs.1.camera=thermal-640", "uavs.1.camera.scale=0.25", "uavs.1.camera.believed.focal=[700, 705]")
+    recording = recorded(*wrong, "sensing.mode=ideal", duration=1)
+    expected = recording.setting.uavs[1].believed_camera.optics
+    assert expected.fx != recording.setting.uavs[1].true_camera.optics.fx
+    for name in ("csv", "rosbag"):
+        export(recording, name, tmp_path / name)
+        found = read_flight(tmp_path / name).setting.uavs[1].true_camera.optics
+        assert found.fx == pytest.approx(expected.fx) and found.fy == pytest.approx(expected.fy), name

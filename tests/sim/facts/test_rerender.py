@@ -53,7 +53,7 @@ def scene(*, tracks=(), people=(), trees=(), pose=None):
     trees, pose = Forest(tuple(trees)), pose or Pose.level(0.0, 0.0, setting.uavs[0].altitude)
     first = next(synthetic.snapshots(setting, trees, 1))
     snapshot = dataclasses.replace(first, cameras=[pose], tracks=[tracks], people=np.reshape(people, (-1, 2)))
-    return FrameFacts(setting.uavs[0].true_camera, trees, snapshot, 0, ())
+    return FrameFacts(setting.uavs[0].true_camera, setting.uavs[0].believed_camera, trees, snapshot, 0, ())
 
 
 def bare(seen):

@@ -8,7 +8,7 @@ from helpers import synthetic
 from helpers.flights import PAIR, filmed
 
 from sim.facts.rerender import Rerenderer
-from sim.mission.archive import load, save
+from sim.mission.archive import load_recording, save
 from sim.sensing.renderer import capture
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
@@ -43,7 +43,7 @@ def test_the_same_view_is_the_same_image_again(place, quaternion):
 def test_frames_rendered_again_in_any_order_are_those_flown_byte_for_byte(mount, look, tmp_path):
     recording, images = filmed("trees.density=75", PAIR.format(mount), *APPEARANCE[look], duration=2)
     save(recording, tmp_path / "mission.npz")
-    recording = load(tmp_path / "mission.npz")
+    recording = load_recording(tmp_path / "mission.npz")
     order = np.random.default_rng(0).permutation(len(images)).tolist()
     with Rerenderer(recording) as again:
         for k in order:

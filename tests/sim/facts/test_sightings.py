@@ -6,15 +6,16 @@ import cv2
 import numpy as np
 import pytest
 from helpers import synthetic
+from helpers.flights import recorded
 from helpers.poses import tilted
 
-from sim.facts.sightings import make_frame_facts, outline_cylinder, outline_hidden_ground
+from sim.facts.sightings import make_frame_facts, outline_cylinder, outline_hidden_ground, tell_sight
 from sim.mission.recorder import Recorder
 from sim.scenario.scenario import encode_scenario
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest, Tree
+from tracking.geometry.visibility import Forest, Tree, at_target_height
 from tracking.track import Track
 
 CAMERA = Camera(math.radians(60), 128)
@@ -101,3 +102,29 @@ def test_every_person_and_track_is_named_with_trees_that_hide_people():
     assert part.hidden_by[1] == 1.0 and part.status == "partly hidden by trees 0 and 1"
     seen = sight([(0.0, 0.0)], [], visible=[9], tracks=[(70, 90), (70, 80, 90), (5, 80)])
     assert [track.id for track in seen.snapshot.tracks[0]] == [3, 2]
+
+
+def test_measurements_lie_on_their_detections_through_the_camera_that_the_uav_believes():
+    wrong = ("uavs.0.camera=thermal-640", "uavs.0.camera.scale=0.25", "uavs.0.camera.believed.focal=[700, 705]")
+    recording = recorded(*wrong, "sensing.noise=camera", "trees.density=0", "uavs.0.navigation=gnss", duration=1)
+    gaps, others = [], []
+    for k in range(len(recording.times)):
+        facts = make_frame_facts(recording, k, 0)
+        points = at_target_height(recording.scan_at(k, 0).measurements)
+        pixels = recording.pixels_at(k, 0)
+        gaps += np.hypot(*(facts.believed_camera.project(facts.believed, points)[0] - pixels).T).tolist()
+        others += np.hypot(*(facts.camera.project(facts.believed, points)[0] - pixels).T).tolist()
+    assert len(gaps) > 5 and np.median(gaps) < 1e-6 and np.median(others) > 1.0  # people at the edge are cut
+
+
+@pytest.mark.parametrize(("density", "hidden"), [(0.8, False), (40.0, True)])
+def test_a_tree_hides_the_place_of_a_track_as_the_law_of_sight_says(density, hidden):
+    """Leaves that cover more than half of the line of sight may still show a part of nearly every person."""
+    tree = Tree(0.0, 0.0, 3.0, 3.0, 6.0, 0.2, density)
+    forest, camera = Forest((tree,)), Pose.level(1.0, 0.0, 20.0)
+    place = np.array([[1.0, 0.0]])
+    share = forest.shares_hidden(camera.position, at_target_height(place))[0, 0]
+    assert share > 0.5
+    assert tell_sight(CAMERA, camera, place[0], forest) == (
+        "hidden by tree 0" if hidden else "in view but not detected"
+    )

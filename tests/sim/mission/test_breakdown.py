@@ -13,10 +13,10 @@ from helpers.teams import Spy, with_little_effort
 
 from planning.catalogue import PLANNERS
 from sim.facts.flight import find_scans
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.sensing.fault import Fault
 from sim.study.trial_flight import fly_trial
 from tracking.errors import InputError
@@ -88,7 +88,7 @@ def test_a_breakdown_changes_neither_forest_nor_people_nor_messages_of_others():
 
 def test_a_mission_without_working_uavs_is_flown_and_shown_to_its_end(tmp_path, without_pictures):
     ends = [f"uavs.{i}.fails_at={(4 + 2 * i) / 10}" for i in range(3)]
-    setting = load("forest", ["duration=2", "sensing.mode=ideal", *ends])
+    setting = load_scenario("forest", ["duration=2", "sensing.mode=ideal", *ends])
     found = run_mission(Trial(setting, "greedy", 0), tmp_path / "out")
     assert [(f["time"], f["uav"]) for f in found["faults"]] == [(0.4, 0), (0.6, 1), (0.8, 2)]
     assert json.loads(json.dumps(found, allow_nan=False)) == found

@@ -91,7 +91,7 @@ from planning.catalogue import DEFAULT_PLANNER
 from sim.mission.compilation import PARTS
 from sim.mission.mission import Mission
 from sim.mission.warmup import warm_up
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.numerics.compiled import functions
 def signatures():
     gc.unfreeze()  # `warm_up` takes objects out of the sight of `gc`
@@ -99,7 +99,7 @@ def signatures():
     return {(f"{d.py_func.__module__}.{d.py_func.__qualname__}", s) for d in compiled for s in d.overloads}
 warm_up()
 warm = signatures()
-for _ in Mission(load("forest", ["duration=6"]), load_planner(DEFAULT_PLANNER)).fly():
+for _ in Mission(load_scenario("forest", ["duration=6"]), load_planner(DEFAULT_PLANNER)).fly():
     pass
 flown = signatures()
 for part in PARTS:

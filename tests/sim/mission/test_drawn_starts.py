@@ -8,7 +8,7 @@ import pytest
 
 import understory
 from sim.mission.world_setup import draw_starts
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario, encode_scenario
 from tracking.errors import InputError
 
@@ -23,7 +23,7 @@ def test_starts_fill_disc_and_area_and_keep_apart():
     """All three around one place near the corner, at one altitude."""
     radius = [f"uavs.{i}.start_radius=20" for i in range(3)]
     same = [f"uavs.{i}.start=[70, 45]" for i in range(3)] + [f"uavs.{i}.footprint=20" for i in range(3)]
-    setting = load("forest", [*radius, *same])
+    setting = load_scenario("forest", [*radius, *same])
     drawn = np.array([starts(draw_starts(setting, seed)) for seed in range(200)])
     assert np.all(np.hypot(*(drawn - (70.0, 45.0)).reshape(-1, 2).T) <= 20.0)
     assert np.all(np.abs(drawn) <= (75.0, 50.0)) and drawn[..., 0].max() > 74.0 and drawn[..., 0].min() < 52.0
@@ -43,7 +43,7 @@ def test_the_seed_draws_the_starts_and_the_recording_has_them():
 def test_a_disc_without_room_is_refused():
     tight = ["uavs.1.start_radius=0.5", "uavs.1.start=[-28, -14]", "uavs.1.footprint=20"]
     with pytest.raises(InputError, match=r"^uavs\.1\.start_radius: 0\.5 m leaves no room beside the other UAVs$"):
-        draw_starts(load("forest", tight), 0)
+        draw_starts(load_scenario("forest", tight), 0)
 
 
 def test_scenarios_without_drawn_starts_are_recorded_as_before():

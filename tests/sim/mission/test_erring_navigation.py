@@ -8,11 +8,10 @@ import pytest
 from planning.planner import Plan
 from sim.facts.rerender import Rerenderer
 from sim.facts.tracking_replay import replay_tracking
-from sim.mission.archive import load as load_recording
-from sim.mission.archive import save
+from sim.mission.archive import load_recording, save
 from sim.mission.mission import Mission
 from sim.mission.recorder import Recorder
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import encode_scenario
 from tracking.errors import InputError
 from tracking.registration.pose_errors import move_to_believed
@@ -26,7 +25,7 @@ class East:
 
 
 def fly(*overrides, seed=3):
-    return list(Mission(load("forest", [*ERRING, *overrides]), East(), seed).fly())
+    return list(Mission(load_scenario("forest", [*ERRING, *overrides]), East(), seed).fly())
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +34,7 @@ def flown():
 
 
 def test_belief_differs_where_navigation_errs_and_planners_have_it(flown):
-    mission = Mission(load("forest", ERRING), East(), 3)
+    mission = Mission(load_scenario("forest", ERRING), East(), 3)
     while not mission.over:
         team = mission.team
         now = mission.step()
@@ -70,7 +69,7 @@ def test_detections_are_where_their_rays_meet_the_ground_from_the_believed_pose(
 
 
 def test_recordings_have_truth_and_belief_and_can_be_rendered_and_tracked_again(tmp_path):
-    mission = Mission(load("forest", ERRING), East(), 3)
+    mission = Mission(load_scenario("forest", ERRING), East(), 3)
     images = []
     recorder = Recorder()
     for snapshot in mission.fly():
@@ -92,7 +91,7 @@ def test_recordings_have_truth_and_belief_and_can_be_rendered_and_tracked_again(
 
 
 def test_exact_navigation_leaves_no_array_in_a_recording():
-    for snapshot in Mission(load("forest", ["duration=0.2"]), East()).fly():
+    for snapshot in Mission(load_scenario("forest", ["duration=0.2"]), East()).fly():
         assert snapshot.believed is None
 
 
@@ -108,5 +107,5 @@ def test_exact_navigation_leaves_no_array_in_a_recording():
 )
 def test_wrong_figures_are_told_in_one_line(setting, message):
     with pytest.raises(InputError) as error:
-        load("forest", [setting])
+        load_scenario("forest", [setting])
     assert message in str(error.value) and "\n" not in str(error.value)

@@ -8,18 +8,17 @@ from helpers.flights import fly, recording_of
 from helpers.studies import task_of
 
 from planning.planner_loading import load_planner
-from sim.mission.archive import load as load_recording
-from sim.mission.archive import save
-from sim.mission.fault_text import LONGEST, MOST, decode_faults, encode_faults
+from sim.mission.archive import load_recording, save
 from sim.mission.recorder import Recorder
+from sim.mission.recording import LONGEST_FAULT, MOST_FAULTS, decode_faults, encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.sensing.fault import Fault
 from sim.study.trial_flight import fly_trial
 
 OPTIONS = ("sensing.mode=ideal", "uavs.1.fails_at=1.1")
-SETTING = load("forest", ["duration=2", *OPTIONS])
+SETTING = load_scenario("forest", ["duration=2", *OPTIONS])
 
 
 class Faulty:
@@ -58,16 +57,16 @@ def test_faults_are_recorded_and_come_back_at_their_scans(tmp_path):
 
 
 def test_a_planner_that_faults_always_fills_no_disk():
-    many = [Fault(k / 5, k % 3, f"{k} " + "x" * 5000) for k in range(3 * MOST)]
+    many = [Fault(k / 5, k % 3, f"{k} " + "x" * 5000) for k in range(3 * MOST_FAULTS)]
     text = encode_faults(many)
     kept = decode_faults(text)
-    assert len(kept) == MOST and len(text) < MOST * (LONGEST + 60)
-    assert [(f.time, f.uav) for f in kept[:-1]] == [(f.time, f.uav) for f in many[: MOST - 1]]
-    assert all(len(f.message) <= LONGEST and " ... xx" in f.message for f in kept[:-1])
-    assert kept[-1] == Fault((MOST - 1) / 5, None, f"{2 * MOST + 1} more faults are not recorded")
+    assert len(kept) == MOST_FAULTS and len(text) < MOST_FAULTS * (LONGEST_FAULT + 60)
+    assert [(f.time, f.uav) for f in kept[:-1]] == [(f.time, f.uav) for f in many[: MOST_FAULTS - 1]]
+    assert all(len(f.message) <= LONGEST_FAULT and " ... xx" in f.message for f in kept[:-1])
+    assert kept[-1] == Fault((MOST_FAULTS - 1) / 5, None, f"{2 * MOST_FAULTS + 1} more faults are not recorded")
     assert encode_faults(kept) == text
-    all_kept = decode_faults(encode_faults(many[:MOST]))
-    assert len(all_kept) == MOST and all_kept[-1].uav is not None
+    all_kept = decode_faults(encode_faults(many[:MOST_FAULTS]))
+    assert len(all_kept) == MOST_FAULTS and all_kept[-1].uav is not None
 
 
 def test_runs_and_studies_keep_faults_and_runs_the_time_of_each_decision(tmp_path, without_pictures):

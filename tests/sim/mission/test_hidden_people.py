@@ -15,7 +15,7 @@ from planning.catalogue import DEFAULT_PLANNER
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_tracker_parameters
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.geometry.person import TARGET_HEIGHT
@@ -120,7 +120,7 @@ def probability_integrals(seed: int, world: str, overrides: list[str]) -> Iterat
     """
     planner, rng = KeepingBeliefs(), np.random.default_rng(seed)
     last: dict[int, float] = {}
-    for snapshot in Mission(load(world, overrides), planner, seed).fly():
+    for snapshot in Mission(load_scenario(world, overrides), planner, seed).fly():
         tracks = {track.id: track for track in snapshot.tracks[0]}
         for person, place in enumerate(snapshot.people):
             track = tracks.get(person)

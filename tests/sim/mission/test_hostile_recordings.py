@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 
 from sim.exchange.export import export
 from sim.facts.people import PeopleFacts
-from sim.mission.archive import find_recording, load, save
-from sim.mission.fault_text import LONGEST, MOST
+from sim.mission.archive import find_recording, load_recording, save
 from sim.mission.npz import MOST_BYTES
+from sim.mission.recording import LONGEST_FAULT, MOST_FAULTS
 from sim.scenario.scenario import encode_scenario
 from sim.views.frames.frame_panels import write_frames
 from tracking.errors import InputError
@@ -134,8 +134,8 @@ DAMAGED = {
     "a fault of no UAV": (faults((0.0, 3, "x")), "'faults': name a time or a UAV that is not there"),
     "a fault after the end": (faults((9e9, 0, "x")), "'faults': name a time or a UAV that is not there"),
     "a fault that clears the screen": (faults((0.0, 0, "\x1b[2J")), "'faults': have a message that is not one line"),
-    "a long fault": (faults((0.0, 0, "x" * (LONGEST + 1))), "'faults': have a message that is not one line"),
-    "too many faults": (faults(*[(0.0, 0, "x")] * (MOST + 1)), "'faults': are more than 1000"),
+    "a long fault": (faults((0.0, 0, "x" * (LONGEST_FAULT + 1))), "'faults': have a message that is not one line"),
+    "too many faults": (faults(*[(0.0, 0, "x")] * (MOST_FAULTS + 1)), "'faults': are more than 1000"),
     "faults that are none": (text("faults", "[1]"), "'faults': is no list of faults"),
     "a nest of faults": (text("faults", "[" * 100_000), "'faults': is no list of faults"),
     "no scenario": (text("scenario", "[]"), "'scenario': is no JSON object"),
@@ -155,7 +155,7 @@ DAMAGED = {
 @pytest.mark.parametrize("case", DAMAGED)
 def test_what_no_mission_leaves_is_one_clear_line(saved, tmp_path, case):
     change, reason = DAMAGED[case]
-    path = rewritten(saved, tmp_path / "mission.npz", **change(load(saved)))
+    path = rewritten(saved, tmp_path / "mission.npz", **change(load_recording(saved)))
     with pytest.raises(InputError) as caught:
         find_recording(path)
     message = str(caught.value)
@@ -288,7 +288,9 @@ def test_a_hostile_file_is_refused_soon_and_in_little_memory(saved, tmp_path):
         folders[-1].mkdir()
         make(folders[-1] / "mission.npz", saved)
     for case in ("a nest for a scenario", "a nest of faults", "a great number of scans", "an endless scenario"):
-        folders.append(rewritten(saved, tmp_path / f"{case}.npz".replace(" ", "-"), **DAMAGED[case][0](load(saved))))
+        folders.append(
+            rewritten(saved, tmp_path / f"{case}.npz".replace(" ", "-"), **DAMAGED[case][0](load_recording(saved)))
+        )
     folders.append(tmp_path / "sparse.npz")
     huge(folders[-1], saved)
     done = python("-c", MEASURE, *folders)
@@ -318,7 +320,7 @@ def sound_or_one_line(path):
         assert str(error).isprintable() and len(str(error)) < 800
         return
     save(recording, path.with_name("again.npz"))
-    assert_same(load(path.with_name("again.npz")), recording)
+    assert_same(load_recording(path.with_name("again.npz")), recording)
     summary(recording, seconds={}, wall_s=0.0)
     PeopleFacts(recording)
 

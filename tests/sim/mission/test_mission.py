@@ -10,12 +10,12 @@ from helpers.teams import Spy
 
 from planning.planner import Plan
 from planning.planner_loading import load_planner
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError
 
@@ -31,7 +31,7 @@ def test_a_mission_has_scans_and_plans_in_time_and_closes_its_world():
     mission, snapshots = fly(duration=2.3)
     np.testing.assert_allclose([s.time for s in snapshots], np.arange(12) / 5)
     assert [s.time for s in snapshots if s.plans] == [0.0, 1.0, 2.0] and mission.faults == []
-    mission = Mission(load("forest", ["sensing.mode=ideal"]), load_planner("hover"), 0)
+    mission = Mission(load_scenario("forest", ["sensing.mode=ideal"]), load_planner("hover"), 0)
     flight = mission.fly()
     next(flight)
     flight.close()
@@ -108,7 +108,7 @@ def test_without_people_there_are_no_detections_and_no_tracks():
 def test_people_of_a_file_appear_and_leave_with_no_trunk_in_the_way(tmp_path):
     (tmp_path / "crowd.csv").write_text(CROWD)
     (tmp_path / "crowd.toml").write_text('duration = 3.0\n[people]\ntrajectories = "crowd.csv"\n[trees]\ndensity = 0\n')
-    snapshots = list(mission_of(load(str(tmp_path / "crowd.toml")), "hover", 0).fly())
+    snapshots = list(mission_of(load_scenario(str(tmp_path / "crowd.toml")), "hover", 0).fly())
     present = np.array([~np.isnan(s.people[:, 0]) for s in snapshots])
     time = np.array([s.time for s in snapshots])
     np.testing.assert_array_equal(present, np.column_stack([time <= 1, time >= 0, time >= 1]))
@@ -118,7 +118,7 @@ def test_people_of_a_file_appear_and_leave_with_no_trunk_in_the_way(tmp_path):
     path = tmp_path / "walk.csv"
     rows = [f"{t},{y},{-70 + 14 * t},{y}" for t in range(11) for y in range(-48, 49, 6)]
     path.write_text("t,id,x,y\n" + "\n".join(rows))
-    mission = mission_of(load("forest", [f"people.trajectories={path}", "duration=10"]), "hover", 0)
+    mission = mission_of(load_scenario("forest", [f"people.trajectories={path}", "duration=10"]), "hover", 0)
     trunks = np.array([(t.x, t.y) for t in mission.forest.trees])
     gaps = np.linalg.norm(mission.people.positions[:, :, None] - trunks, axis=3)
     assert gaps.min() > 0.2 + 0.5 - 0.12  # the path is kept clear where it is sampled, 0.23 m apart
@@ -171,7 +171,7 @@ def test_a_planner_that_fails_does_not_end_the_mission():
 
 def test_known_at_the_start_is_who_is_there_at_both_of_the_first_scans():
     here, there = np.array([[0.0, 0], [1, 1], [np.nan, np.nan]]), np.array([[0.2, 0], [np.nan, np.nan], [3, 3]])
-    (track,) = make_initial_tracks(load("forest"), here, there)
+    (track,) = make_initial_tracks(load_scenario("forest"), here, there)
     assert track.id == 0 and track.belief.mean.tolist() == [0.0, 0.0, 1.0, 0.0]
 
 
@@ -219,7 +219,7 @@ def test_missions_that_hover_at_first_sense_the_same_and_are_shown(tmp_path, wit
         assert np.array_equal(one.ospa, other.ospa)
         assert [len(t) for t in one.tracks] == [len(t) for t in other.tracks]
     assert len(later[3].tracks[0]) == 4 and Scenario().first_decision == 0.0
-    scenario = load("forest", [*IDEAL, OPEN, "duration=4", "first_decision=2"])
+    scenario = load_scenario("forest", [*IDEAL, OPEN, "duration=4", "first_decision=2"])
     run_mission(Trial(scenario, "greedy", 0), tmp_path / "out")
     recording = load_recording(tmp_path / "out" / "mission.npz")
     np.testing.assert_array_equal(recording.plan_times, [2.0, 3.0, 4.0])

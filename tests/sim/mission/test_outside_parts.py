@@ -13,10 +13,10 @@ from helpers.pages import DOCS, ROOT, blocks
 from helpers.processes import python
 from helpers.studies import task_of
 
-from sim.mission.archive import compute_digest, load
+from sim.mission.archive import compute_digest, load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load as load_scenario
+from sim.scenario.loading import load_scenario
 from sim.study.trial_flight import fly_trial
 from tracking.errors import InputError
 from tracking.filter.motion import make_motion_model
@@ -47,7 +47,7 @@ def module(tmp_path, monkeypatch):
 def flown(folder, *overrides, planner="greedy"):
     """Recording and summary of a mission."""
     summary = run_mission(Trial(load_scenario("forest", overrides), planner, 0), folder, video=False)
-    return load(folder / "mission.npz"), summary
+    return load_recording(folder / "mission.npz"), summary
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,10 @@ from scipy.stats import kstest
 
 from planning.planner import Exchange
 from sim.facts.metrics.fleet_facts import measure_disagreement
-from sim.mission.archive import load as load_recording
-from sim.mission.archive import save
+from sim.mission.archive import load_recording, save
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.radio import Inbox, RadioLinks, Sender, draw_jitter, draw_lost_messages, find_links
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.uavs import Cut, Network
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
@@ -49,7 +48,7 @@ def test_a_link_is_open_within_range_if_it_exists_and_is_not_cut():
         np.testing.assert_array_equal(table, table.T)
         assert not table.diagonal().any()
     with pytest.raises(ValueError, match=r"^network\.cuts\.0\.links: \[0, 2\] is not in network\.links; allowed are "):
-        load("forest", ["network.links=[[0, 1], [1, 2]]", "network.cuts=[{links=[[0, 2]]}]"])
+        load_scenario("forest", ["network.links=[[0, 1], [1, 2]]", "network.cuts=[{links=[[0, 2]]}]"])
 
 
 def test_a_sender_sends_one_message_after_the_other_and_drops_what_would_wait_for_too_long():
@@ -115,7 +114,7 @@ def decide(knowledge, k, poses, links):
 def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
     """Of two UAVs, what the second sends does not reach the first."""
     fleet = "uavs=[{start=[-28, -14]}, {start=[-28, 14], footprint=22}]"
-    setting = load("forest", [*IDEAL, "tracking.initial_tracks=none", fleet])
+    setting = load_scenario("forest", [*IDEAL, "tracking.initial_tracks=none", fleet])
     poses = [Pose.level(*uav.start, uav.altitude) for uav in setting.uavs]
     pair = ~np.eye(2, dtype=bool)
 
@@ -134,7 +133,7 @@ def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
 
 def test_a_frame_changes_the_tracks_of_those_who_hear_of_it_alone():
     """UAV 0 has broken down, and the last one detects a person."""
-    setting = load("forest", IDEAL)
+    setting = load_scenario("forest", IDEAL)
     poses = [Pose.level(*uav.start, uav.altitude) for uav in setting.uavs]
     (person,) = people = np.array([[-28.0, 14.0]])
     looks = [Sensors.rest(Shot(i, 0, 0.0, pose, people)) for i, pose in enumerate(poses)]
@@ -158,7 +157,7 @@ def test_a_frame_changes_the_tracks_of_those_who_hear_of_it_alone():
 
 def test_between_frames_of_a_slow_camera_undetected_people_only_spread():
     fleet = "uavs=[{start=[-28, -14], rate=1}]"
-    setting = load("forest", [*IDEAL, "tracking.initial_tracks=none", "rates.planning=5", fleet])
+    setting = load_scenario("forest", [*IDEAL, "tracking.initial_tracks=none", "rates.planning=5", fleet])
     knowledge = Knowledge(setting, Forest(()), [], exchange=Exchange(), rng=np.random.default_rng(0))
     links, found = RadioLinks(np.zeros((1, 1), dtype=bool), None), []
     for k in range(6):
@@ -177,7 +176,7 @@ def test_disagreement_is_the_mean_ospa_between_pairs_and_grows_with_losses():
     mission, snapshots = fly_ideal("network.loss=0.9", seed=1, duration=3)
     row = fly_trial(task_of(mission.scenario, "hover", 1)).row
     assert row.metrics["network.disagreement_m"] == np.mean([measure_disagreement(s.tracks) for s in snapshots]) > 0.01
-    whole = fly_trial(task_of(load("forest", [*IDEAL, "duration=3"]), "hover", 1)).row
+    whole = fly_trial(task_of(load_scenario("forest", [*IDEAL, "duration=3"]), "hover", 1)).row
     assert whole.metrics["network.disagreement_m"] < 1e-9
 
 

@@ -16,7 +16,7 @@ from helpers.recordings import assert_same, npy, record, rewritten
 from planning.planner import Plan
 from sim.exchange.csv_files import read_forest
 from sim.exchange.export import export
-from sim.mission.archive import compute_digest, load, save
+from sim.mission.archive import compute_digest, load_recording, save
 from sim.mission.recorder import Recorder
 from sim.mission.recording import OPTIONAL, Recording
 from tracking.geometry.visibility import Forest
@@ -27,10 +27,10 @@ from tracking.track import Scan
 def test_a_recording_survives_the_disk_bit_for_bit(tmp_path, options):
     recording = record(**options)
     save(recording, tmp_path / "mission.npz")
-    assert_same(load(tmp_path / "mission.npz"), recording)
+    assert_same(load_recording(tmp_path / "mission.npz"), recording)
     assert os.listdir(tmp_path) == ["mission.npz"]
     turned = {"people": npy(np.asfortranarray(recording.people))}  # Fortran's order of axes
-    assert_same(load(rewritten(tmp_path / "mission.npz", tmp_path / "turned.npz", **turned)), recording)
+    assert_same(load_recording(rewritten(tmp_path / "mission.npz", tmp_path / "turned.npz", **turned)), recording)
 
 
 def test_leaves_of_porous_trees_survive_the_disk_and_an_export(tmp_path):
@@ -39,7 +39,7 @@ def test_leaves_of_porous_trees_survive_the_disk_and_an_export(tmp_path):
     porous = np.column_stack([recording.trees, np.where(np.arange(len(recording.trees)) % 2, math.inf, 0.4)])
     recording = dataclasses.replace(recording, trees=porous)
     save(recording, tmp_path / "mission.npz")
-    found = load(tmp_path / "mission.npz")
+    found = load_recording(tmp_path / "mission.npz")
     assert_same(found, recording)
     assert np.array_equal(found.forest.table, porous)
     export(found, "csv", tmp_path / "tables")
@@ -47,7 +47,7 @@ def test_leaves_of_porous_trees_survive_the_disk_and_an_export(tmp_path):
     for wrong in (np.nan, -0.1):
         save(dataclasses.replace(recording, trees=np.where(porous == 0.4, wrong, porous)), tmp_path / "wrong.npz")
         with pytest.raises(ValueError, match="have a leaf area density below 0 or none"):
-            load(tmp_path / "wrong.npz")
+            load_recording(tmp_path / "wrong.npz")
 
 
 def test_large_recordings_are_compressed_and_hashed_as_if_they_were_not(tmp_path, monkeypatch):
@@ -58,7 +58,7 @@ def test_large_recordings_are_compressed_and_hashed_as_if_they_were_not(tmp_path
     monkeypatch.setattr("sim.mission.archive._LARGE", len(plain) - 1)
     save(recording, tmp_path / "small.npz")
     assert (tmp_path / "small.npz").stat().st_size < len(plain) / 2
-    assert_same(load(tmp_path / "small.npz"), recording)
+    assert_same(load_recording(tmp_path / "small.npz"), recording)
     assert compute_digest(recording) == hashlib.sha256(plain).hexdigest()
 
 
@@ -130,7 +130,7 @@ def test_a_recording_that_cannot_be_written_leaves_the_file_before(tmp_path):
 
 def test_truncated_and_flipped_bytes_never_pass_or_crash(saved, tmp_path):
     content = saved.read_bytes()
-    original = load(saved)
+    original = load_recording(saved)
     rng = np.random.default_rng(0)
     path = tmp_path / "damaged.npz"
     for trial in range(300):
@@ -141,7 +141,7 @@ def test_truncated_and_flipped_bytes_never_pass_or_crash(saved, tmp_path):
             damaged[rng.integers(start, len(content))] ^= 1 << int(rng.integers(8))
         path.write_bytes(damaged)
         try:
-            recording = load(path)
+            recording = load_recording(path)
         except ValueError as error:
             assert str(path) in str(error)
         else:
@@ -174,7 +174,7 @@ def test_sightings_and_existence_come_back_to_the_last_bit_where_they_are_known(
     assert all(0.0 < r < 1.0 for r in existence) and len(set(existence)) > 5
     assert len({track.sighting[2] for track in given}) > 1
     save(recording, tmp_path / "mission.npz")
-    again = load(tmp_path / "mission.npz")
+    again = load_recording(tmp_path / "mission.npz")
     found = [track for k in range(11) for i in range(3) for track in again.tracks_at(k, i)]
     assert [track.existence for track in found] == exported(again, tmp_path / "csv") == existence
     np.testing.assert_array_equal([track.sighting for track in found], [track.sighting for track in given])

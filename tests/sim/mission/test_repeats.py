@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from helpers.flights import mission_of, recorded
 
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.recorded_links import find_recorded_links
 from sim.mission.world_setup import make_forest_and_people
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.study.definition import adapt_study, read_study
 from sim.study.trials import list_trials
 from sim.world.appearance import sample_appearance
@@ -44,11 +44,11 @@ def test_repeats_share_forest_and_people_not_chance_which_replay_finds(recording
 
 
 def test_a_map_is_what_the_seed_gives_and_looks_the_same():
-    setting = load("forest", NOISY)
+    setting = load_scenario("forest", NOISY)
     forest, people = make_forest_and_people(setting, 7)
     mission = mission_of(setting, "hover", 7, 3)
     assert mission.forest.trees == forest.trees and mission.people.positions.tobytes() == people.positions.tobytes()
-    setting = load("forest", ["appearance.randomise=true"])
+    setting = load_scenario("forest", ["appearance.randomise=true"])
     one, other = (sample_appearance(setting, 4, trees=3, people=2, repeat=repeat) for repeat in (0, 5))
     for name in set(type(one).__dataclass_fields__) - {"repeat"}:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

@@ -10,11 +10,11 @@ from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes, hashes_here
 from helpers.studies import task_of
 
 from planning.catalogue import DEFAULT_PLANNER
-from sim.facts.metrics.machine import describe_machine
-from sim.mission.archive import compute_digest, load
+from sim.facts.metrics.summary import describe_machine
+from sim.mission.archive import compute_digest, load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load as load_scenario
+from sim.scenario.loading import load_scenario
 from sim.study.trial_flight import fly_trial
 
 # Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.
@@ -59,6 +59,6 @@ def test_the_summary_names_the_machine_and_the_recordings_hash(tmp_path, without
     scenario = load_scenario("forest", ["duration=1", "sensing.mode=ideal", "trees.density=5"])
     run_mission(Trial(scenario, "hover", 0), tmp_path / "out", video=False)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
-    assert summary["recording_sha256"] == compute_digest(load(tmp_path / "out" / "mission.npz"))
+    assert summary["recording_sha256"] == compute_digest(load_recording(tmp_path / "out" / "mission.npz"))
     assert summary["machine"] == describe_machine() and set(describe_machine()) == {"processor"}
     assert all(describe_machine().values())

@@ -8,10 +8,10 @@ import pytest
 
 from planning.planner import Plan
 from sim.mission.mission import Mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.errors import InputError
 
-SETTING = load("forest", ["sensing.mode=ideal", "dynamics=kinematic", "duration=3", "trees.density=5"])
+SETTING = load_scenario("forest", ["sensing.mode=ideal", "dynamics=kinematic", "duration=3", "trees.density=5"])
 
 
 class Wanderer:

@@ -13,7 +13,7 @@ from planning.planner_loading import load_planner
 from sim.mission.archive import compute_digest
 from sim.mission.mission import Mission
 from sim.running.fly import record
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.errors import InputError
 
 FLIGHTS = [
@@ -38,13 +38,13 @@ def stepped(mission, planner):
 @pytest.mark.parametrize(("name", "overrides"), FLIGHTS, ids=[name for name, _ in FLIGHTS])
 def test_a_mission_stepped_with_a_planners_plans_has_its_bytes(name, overrides):
     flown = hash_of(*fly(*overrides, planner=name, duration=3, seed=2))
-    mission = Mission(load("forest", ["duration=3", *overrides]), load_planner(name), 2)
+    mission = Mission(load_scenario("forest", ["duration=3", *overrides]), load_planner(name), 2)
     assert hash_of(mission, list(stepped(mission, mission.planner))) == flown
 
 
 def test_velocities_fly_as_plans_of_one_step_do():
     _, planned = fly("sensing.mode=ideal", planner=Spy(lambda s: [[1.0 + s.own.id, 0.0]]), duration=2)
-    with Mission(load("forest", ["duration=2", "sensing.mode=ideal"])) as mission:
+    with Mission(load_scenario("forest", ["duration=2", "sensing.mode=ideal"])) as mission:
         given = []
         while not mission.over:
             velocities = np.array([[1.0 + situation.own.id, 0.0] for situation in mission.team]).reshape(-1, 2)
@@ -56,7 +56,7 @@ def test_velocities_fly_as_plans_of_one_step_do():
 
 
 def test_a_mission_stepped_from_outside_is_recorded_with_its_chance():
-    mission = Mission(load("forest", ["duration=1", "sensing.mode=ideal"]), seed=3, repeat=2)
+    mission = Mission(load_scenario("forest", ["duration=1", "sensing.mode=ideal"]), seed=3, repeat=2)
     flight = record(mission, [mission.step(np.zeros((len(mission.team), 2))) for _ in range(4)], "eastward")
     recording = flight.recording
     assert (recording.planner, recording.seed, recording.repeat, recording.interrupted) == ("eastward", 3, 2, True)
@@ -73,7 +73,7 @@ def test_what_uavs_know_is_theirs_to_change():
             track.belief.mean[:] = 0.0
         return np.zeros((1, 2))
 
-    setting = load("forest", ["duration=2", "sensing.mode=ideal"])
+    setting = load_scenario("forest", ["duration=2", "sensing.mode=ideal"])
     still, spoiling, spoilt = (Mission(setting, planner, 0) for planner in (Spy(), Spy(spoil), Spy()))
     while not still.over:
         for situation in spoilt.team:
@@ -97,7 +97,7 @@ REFUSED = {
 
 @pytest.mark.parametrize(("message", "plans"), REFUSED.items(), ids=REFUSED)
 def test_plans_that_cannot_be_used_are_refused_and_the_step_can_be_taken_again(message, plans):
-    with Mission(load("forest", ["duration=1", "sensing.mode=ideal"])) as mission:
+    with Mission(load_scenario("forest", ["duration=1", "sensing.mode=ideal"])) as mission:
         with pytest.raises(InputError) as refused:
             mission.step(plans)
         assert str(refused.value) == message
@@ -108,7 +108,7 @@ def test_plans_that_cannot_be_used_are_refused_and_the_step_can_be_taken_again(m
 
 
 def test_a_step_after_the_end_is_refused_and_one_too_fast_is_a_fault():
-    mission = Mission(load("forest", ["duration=0.1", "sensing.mode=ideal"]))
+    mission = Mission(load_scenario("forest", ["duration=0.1", "sensing.mode=ideal"]))
     snapshot = mission.step([[30.0, 40.0], [0.0, 0.0], [0.0, 0.0]])
     np.testing.assert_allclose(snapshot.plans[0].controls, [[3.0, 4.0]])
     assert [fault.message for fault in snapshot.faults] == ["speed 50 m/s exceeds 5 m/s; clipped"]
@@ -134,7 +134,7 @@ class Meeting:
 
 
 def test_a_mission_of_an_oracle_can_be_kept():
-    mission = Mission(load("forest", ["duration=2", *BRANCHED["ideal"]]), load_planner("oracle"))
+    mission = Mission(load_scenario("forest", ["duration=2", *BRANCHED["ideal"]]), load_planner("oracle"))
     begun = [mission.step() for _ in range(3)]
     branch = pickle.loads(pickle.dumps(mission))
     assert hash_of(branch, [*begun, *branch.fly()]) == hash_of(mission, [*begun, *mission.fly()])
@@ -143,7 +143,7 @@ def test_a_mission_of_an_oracle_can_be_kept():
 @pytest.mark.parametrize("overrides", BRANCHED.values(), ids=BRANCHED)
 def test_branches_of_a_mission_go_on_as_it_does_and_apart_from_it(overrides):
     whole = hash_of(*fly(*overrides, planner=Meeting(), duration=3))
-    mission = Mission(load("forest", ["duration=3", *overrides]), Meeting())
+    mission = Mission(load_scenario("forest", ["duration=3", *overrides]), Meeting())
     begun = [mission.step() for _ in range(9)]
     assert bool(begun[-1].contacts) == (MEETING in overrides)
     branches, others = [], []

@@ -18,7 +18,7 @@ from sim.mission.radio import RadioLinks
 from sim.mission.teammates import Teammates
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.random_streams import stream
 from sim.scenario.uavs import Network
 from tracking.errors import InputError
@@ -223,7 +223,7 @@ def test_rounds_are_whole_numbers(rounds):
 
 
 def test_a_run_says_what_plans_took_to_send(tmp_path, without_pictures):
-    setting = load("forest", ["duration=1", *IDEAL, "uavs.2.fails_at=0.6"])
+    setting = load_scenario("forest", ["duration=1", *IDEAL, "uavs.2.fails_at=0.6"])
     summary = run_mission(Trial(setting, "sma-nbo-mwtp(evaluations=64)", 0), tmp_path / "out", video=False)
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["network"] == summary["network"]
     assert summary["network"]["plans"] == {

@@ -18,7 +18,7 @@ from sim.exchange.scanned_flight import read_flight
 from sim.mission.archive import find_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.sensing.cameras import noise_of, view_of
 from sim.views.frames.frame_panels import write_frames
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
@@ -56,8 +56,8 @@ def test_a_uav_sees_in_all_directions_with_the_noise_of_its_own_camera():
     means, covariances = rng.normal(0, 40, (50, 2)), np.tile(np.eye(2), (50, 1, 1))
     assert visible_samples(Forest(()), means, covariances, Camera(ALL_ROUND, 128).lens(pose))[:, 0].all()
     for noise in ("camera", "range_bearing"):
-        limited = load("forest", [f"sensing.noise={noise}"])
-        free = load("forest", [*ALL, f"sensing.noise={noise}"])
+        limited = load_scenario("forest", [f"sensing.noise={noise}"])
+        free = load_scenario("forest", [*ALL, f"sensing.noise={noise}"])
         for uav in free.uavs:
             assert noise_of(uav, free) == noise_of(uav, limited)
             assert view_of(uav, limited) == uav.true_camera and view_of(uav, free).fov == ALL_ROUND
@@ -105,7 +105,7 @@ def test_every_planner_flies_with_an_unlimited_field_of_view(planner):
 
 
 def test_a_mission_is_filmed_exported_and_read_again(tmp_path, without_pictures):
-    run_mission(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
+    run_mission(Trial(load_scenario("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
     recording = find_recording(tmp_path / "out")
     export(recording, "csv", tmp_path / "csv")
     cameras = read_flight(tmp_path / "csv").cameras

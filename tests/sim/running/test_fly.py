@@ -5,9 +5,9 @@ from helpers.clients import open_clients
 
 from sim.mission.trial import Trial
 from sim.running.fly import fly, fly_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 
-TRIAL = Trial(load("forest", ["duration=1"]), "hover", 0)
+TRIAL = Trial(load_scenario("forest", ["duration=1"]), "hover", 0)
 
 
 def test_who_leaves_the_loop_keeps_what_was_flown():

@@ -10,12 +10,12 @@ import pytest
 from helpers.films import frames_of
 from helpers.processes import python
 
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.atomic_files import PlaceTaken, make_new_folder
 from sim.mission.trial import ScanProgress, Trial
 from sim.running import results as module
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("heard")
@@ -24,7 +24,7 @@ STARTING, FLYING = "*.part", "*.part/.mission.mp4.*"
 
 
 def trial(*overrides, duration=1, planner="hover"):
-    return Trial(load("forest", [f"duration={duration}", "sensing.mode=ideal", *overrides]), planner, 5)
+    return Trial(load_scenario("forest", [f"duration={duration}", "sensing.mode=ideal", *overrides]), planner, 5)
 
 
 def names(folder):
@@ -44,7 +44,7 @@ def interrupting(*scans):
 
 
 def test_a_run_leaves_files_that_agree(tmp_path):
-    setting = load("forest", ["duration=2"])
+    setting = load_scenario("forest", ["duration=2"])
     summary = run_mission(Trial(setting, "greedy", 3), tmp_path / "deep" / "out")
     assert names(tmp_path) == ["deep"] and names(tmp_path / "deep") == ["out"]
     out = tmp_path / "deep" / "out"

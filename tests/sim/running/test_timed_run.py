@@ -6,11 +6,11 @@ import signal
 
 import pytest
 
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
 from sim.running.timed_run import run_with_timeout
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import PluginError
 
@@ -52,7 +52,7 @@ def fly(tmp_path, monkeypatch, without_pictures):
     monkeypatch.syspath_prepend(str(tmp_path))
 
     def started(planner="hover", *overrides, timeout=60.0, **options):
-        trial = Trial(load("forest", ["duration=2", "sensing.mode=ideal", *overrides]), planner, 5)
+        trial = Trial(load_scenario("forest", ["duration=2", "sensing.mode=ideal", *overrides]), planner, 5)
         return run_with_timeout(trial, tmp_path / "runs" / "out", timeout, video=False, **options)
 
     yield started
@@ -79,7 +79,7 @@ def test_ctrl_c_in_flight_keeps_the_scans_of_a_mission_that_is_else_as_without_a
         if moment.time == times[stop_at - 1]:
             signal.raise_signal(signal.SIGINT)
 
-    trial = Trial(load("forest", ["duration=2", "sensing.mode=ideal"]), "hover", 5)
+    trial = Trial(load_scenario("forest", ["duration=2", "sensing.mode=ideal"]), "hover", 5)
     run_mission(trial, tmp_path / "here", video=False, progress=same)
     first, second = (tmp_path / name / "mission.npz" for name in ("runs/out", "here"))
     assert first.read_bytes() == second.read_bytes()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.scenario.camera_settings import CAMERAS, CameraSettings, make_camera, read_camera
-from sim.scenario.loading import decode_recorded, load, resolve_scenario
+from sim.scenario.loading import decode_recorded, load_scenario, resolve_scenario
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.settings_text import format_overrides
 from sim.scenario.uavs import UavSettings
@@ -37,41 +37,41 @@ def scenario_file(folder, camera: str, more: str = ""):
 
 
 def test_an_override_by_a_camera_alone_takes_its_angle_of_view():
-    uav = load("forest", ['uavs.1.camera="thermal-640"']).uavs[1]
-    assert uav.pixels == uav.true_camera.size[0] == 640 and uav.footprint == load("forest").uavs[1].footprint
+    uav = load_scenario("forest", ['uavs.1.camera="thermal-640"']).uavs[1]
+    assert uav.pixels == uav.true_camera.size[0] == 640 and uav.footprint == load_scenario("forest").uavs[1].footprint
     with pytest.raises(InputError, match="fov_deg 60 is not that of the camera"):
-        load("forest", ["uavs.1.fov_deg=60", 'uavs.1.camera="thermal-640"'])
+        load_scenario("forest", ["uavs.1.fov_deg=60", 'uavs.1.camera="thermal-640"'])
 
 
 def test_of_a_camera_given_by_name_one_key_may_be_changed(tmp_path, monkeypatch):
     (tmp_path / "own.toml").write_text("width = 320\nheight = 200\nhfov_deg = 60\ndistortion = [-0.1]\n")
     path = scenario_file(tmp_path, '"own.toml"')
     monkeypatch.chdir("/")  # an own file is found beside the scenario as before
-    assert load(str(path), ["uavs.0.camera.scale=0.5"]).uavs[0].true_camera.size == (160, 100)
-    named, small = load("forest", ["uavs.0.camera=mavic-3e"]), {"uavs.0.camera.scale": 0.05}
+    assert load_scenario(str(path), ["uavs.0.camera.scale=0.5"]).uavs[0].true_camera.size == (160, 100)
+    named, small = load_scenario("forest", ["uavs.0.camera=mavic-3e"]), {"uavs.0.camera.scale": 0.05}
     for scenario in (
-        load("forest", ["uavs.0.camera=mavic-3e", *format_overrides(small)]),
+        load_scenario("forest", ["uavs.0.camera=mavic-3e", *format_overrides(small)]),
         resolve_scenario(named, small),
     ):
         expected = msgspec.structs.replace(read_camera("mavic-3e"), scale=0.05)
         assert scenario.uavs[0].camera == expected and scenario.uavs[0].pixels == 264
-    wrong = load(str(path), ["uavs.0.camera.believed.distortion=[]"]).uavs[0]
+    wrong = load_scenario(str(path), ["uavs.0.camera.believed.distortion=[]"]).uavs[0]
     assert wrong.true_camera.is_bent and not wrong.believed_camera.is_bent
     for override, message in (
         ("uavs.0.camera.scal=0.5", r"uavs.0.camera.scal: unknown key; allowed are .*did you mean scale\?"),
         ("uavs.0.camera.focal=[50, 50]", "uavs.0.camera: hfov_deg and focal: one of them is needed"),
     ):
         with pytest.raises(InputError, match=message):
-            load(str(path), [override])
+            load_scenario(str(path), [override])
     with pytest.raises(InputError, match=r"camera: 'mavik-3e' is unknown; allowed are .*; did you mean mavic-3e"):
-        load("forest", ["uavs.0.camera=mavik-3e", "uavs.0.camera.scale=0.5"])
+        load_scenario("forest", ["uavs.0.camera=mavik-3e", "uavs.0.camera.scale=0.5"])
     with pytest.raises(InputError, match=r"uavs.0.camera has no keys; set it as a whole first"):
-        load("forest", ["uavs.0.camera.scale=0.5"])
+        load_scenario("forest", ["uavs.0.camera.scale=0.5"])
 
 
 def test_a_camera_info_file_of_ros_is_the_camera_that_opencv_makes_of_it(tmp_path):
     (tmp_path / "info.yaml").write_text(CAMERA_INFO)
-    camera = load(str(scenario_file(tmp_path, '"info.yaml"'))).uavs[0].true_camera
+    camera = load_scenario(str(scenario_file(tmp_path, '"info.yaml"'))).uavs[0].true_camera
     assert camera.size == (640, 480)
     K = np.array([[438.783367, 0, 305.593336], [0, 437.302876, 243.738352], [0, 0, 1]])
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (1000, 2))
@@ -119,7 +119,7 @@ def test_a_fleet_may_believe_another_calibration():
 
 def test_a_recorded_scenario_holds_its_camera_whole(tmp_path):
     (tmp_path / "own.toml").write_text('width = 320\nheight = 200\nhfov_deg = 60\ndistortion = [-0.1]\nsource = "me"\n')
-    scenario = load(str(scenario_file(tmp_path, '"own.toml"')))
+    scenario = load_scenario(str(scenario_file(tmp_path, '"own.toml"')))
     (tmp_path / "own.toml").unlink()
     again = decode_recorded(encode_scenario(scenario))
     assert again == scenario and again.uavs[0].camera.source == "me"
@@ -136,9 +136,9 @@ def test_files_are_found_beside_the_scenario_and_overrides_here(tmp_path, monkey
         (folder / "own.toml").write_text(f"width = {width}\nheight = 50\nhfov_deg = 60\n")
     path = scenario_file(inner, '"own.toml"')
     monkeypatch.chdir(tmp_path)
-    assert load(str(path)).uavs[0].pixels == 200
-    assert load(str(path), ['uavs.0.camera="own.toml"']).uavs[0].pixels == 100
-    assert load(str(path), ['uavs.0.camera="d435"']).uavs[0].pixels == 640
+    assert load_scenario(str(path)).uavs[0].pixels == 200
+    assert load_scenario(str(path), ['uavs.0.camera="own.toml"']).uavs[0].pixels == 100
+    assert load_scenario(str(path), ['uavs.0.camera="d435"']).uavs[0].pixels == 640
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_files_are_found_beside_the_scenario_and_overrides_here(tmp_path, monkey
 )
 def test_a_wrong_camera_is_told_in_one_line(tmp_path, camera, message):
     with pytest.raises(InputError, match=message) as error:
-        load(str(scenario_file(tmp_path, camera)))
+        load_scenario(str(scenario_file(tmp_path, camera)))
     assert "\n" not in str(error.value)
 
 
@@ -188,10 +188,10 @@ def test_a_camera_rules_out_other_views(tmp_path):
     ):
         path = scenario_file(tmp_path, '"thermal-640"', more)
         if message is None:
-            load(str(path))
+            load_scenario(str(path))
             continue
         with pytest.raises(InputError, match=message):
-            load(str(path))
+            load_scenario(str(path))
     wide = "{width = 640, height = 640, hfov_deg = 80}"
     with pytest.raises(InputError, match=r"tilt_deg 55 lets the camera look at the horizon; allowed .* less than 50"):
-        load(str(scenario_file(tmp_path, wide, "tilt_deg = 55")))
+        load_scenario(str(scenario_file(tmp_path, wide, "tilt_deg = 55")))

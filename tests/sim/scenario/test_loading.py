@@ -17,7 +17,7 @@ from msgspec import inspect
 from sim.cli.replay import _parse_speed
 from sim.scenario.csv_tables import read_csv
 from sim.scenario.environment import People
-from sim.scenario.loading import SCENARIOS, load
+from sim.scenario.loading import SCENARIOS, load_scenario
 from sim.scenario.quantities import parse_duration, parse_integer, parse_integers, parse_interval, parse_number
 from sim.scenario.scenario import Rates, Scenario, ScenarioSettings, check_workload, encode_scenario
 from sim.scenario.settings_text import list_changes
@@ -34,42 +34,45 @@ ELSEWHERE |= {f"uavs.0.camera.{of}{name}" for of in ("", "believed.") for name i
 
 
 def test_settings_other_than_the_defaults_make_the_scenario_again():
-    assert list_changes(Scenario()) == list_changes(load("forest", ["uavs.0.alpha=0.1"])) == []
-    mine = load(
+    assert list_changes(Scenario()) == list_changes(load_scenario("forest", ["uavs.0.alpha=0.1"])) == []
+    mine = load_scenario(
         "forest", ["uavs.1.rate=1", "wind.gust=0.5", "people.walks=['a:B']", "uavs.1.fails_at=3", "trees.density=75"]
     )
     own = ["trees.density=75.0", 'people.walks=["a:B"]', "uavs.1.rate=1", "uavs.1.fails_at=3.0", "wind.gust=0.5"]
     assert list_changes(mine) == own
     for name in SCENARIOS:
-        assert load("forest", list_changes(load(name))) == load(name)
+        assert load_scenario("forest", list_changes(load_scenario(name))) == load_scenario(name)
 
 
 def test_files_overrides_and_trajectories_are_read_where_they_are(tmp_path):
     empty = tmp_path / "empty.toml"
     empty.write_text("")
-    assert load(str(empty)) == load("forest") == Scenario()
-    assert all(load(name).duration > 0 for name in SCENARIOS)
-    scenario = load("forest", ["trees.density=75", "uavs.1.alpha=0.3", "dynamics=kinematic", "people.count=2"])
+    assert load_scenario(str(empty)) == load_scenario("forest") == Scenario()
+    assert all(load_scenario(name).duration > 0 for name in SCENARIOS)
+    scenario = load_scenario("forest", ["trees.density=75", "uavs.1.alpha=0.3", "dynamics=kinematic", "people.count=2"])
     assert scenario.trees.density == 75 and scenario.dynamics == "kinematic" and scenario.people.count == 2
     assert [u.alpha for u in scenario.uavs] == [0.1, 0.3, 0.12]
-    assert load("forest", ["tracking.confirm.0=1", "wind.velocity.1=2"]) == load(
+    assert load_scenario("forest", ["tracking.confirm.0=1", "wind.velocity.1=2"]) == load_scenario(
         "forest", ["tracking.confirm=[1, 3]", "wind.velocity=[0, 2]"]
     )
     path = tmp_path / "mine.toml"
     path.write_text('[people]\ntrajectories = "walk.csv"\n')
-    assert load(str(path)).people.trajectories == str(tmp_path / "walk.csv")
+    assert load_scenario(str(path)).people.trajectories == str(tmp_path / "walk.csv")
 
 
 def test_a_trajectory_file_that_links_to_itself_is_refused_where_it_is_read(tmp_path):
     (tmp_path / "walk.csv").symlink_to("walk.csv")
-    scenario = load("forest", [f'people.trajectories="{tmp_path / "walk.csv"}"'])
+    scenario = load_scenario("forest", [f'people.trajectories="{tmp_path / "walk.csv"}"'])
     with pytest.raises(InputError, match="symbolic links"):
         read_trajectories(Path(scenario.people.trajectories), scenario.area, duration=1.0)
 
 
 @pytest.mark.parametrize(("key", "value"), [("rates.planning", "1"), ("rates.planning", "5"), ("uavs.1.rate", "1")])
 def test_a_whole_rate_has_the_bytes_of_an_integer_however_it_is_written(key, value):
-    texts = {encode_scenario(load("forest", [f"{key}={written}"])) for written in (value, f"{value}.0", f"{value}e0")}
+    texts = {
+        encode_scenario(load_scenario("forest", [f"{key}={written}"]))
+        for written in (value, f"{value}.0", f"{value}e0")
+    }
     assert len(texts) == 1 and re.search(f'"{key.rpartition(".")[2]}":{value}[,}}]', texts.pop())
 
 
@@ -107,7 +110,7 @@ def test_bounds_are_named_in_the_reference_and_hold_large_fleets():
     assert dict(re.findall(r"^\| `([\w.]+)` \| [^|]*\| ([^|]*\d) \|", REFERENCE, flags=re.M)) == dict(bounded())
     fleet = [{"start": [4.0 * i - 60, 10.0 * j - 20]} for i in range(6) for j in range(5)]
     area = ["area.width=1000", "area.height=1000", "trees.density=9000", "people.count=1000"]
-    crowd = load("forest", [f"uavs={json.dumps(fleet).replace(':', ' =').replace(chr(34), '')}", *area])
+    crowd = load_scenario("forest", [f"uavs={json.dumps(fleet).replace(':', ' =').replace(chr(34), '')}", *area])
     check_workload(crowd)
     assert len(crowd.uavs) == 30 and crowd.people.count == 1000 and crowd.duration == 40
     check_workload(msgspec.structs.replace(crowd, people=People(count=10), duration=3600.0))

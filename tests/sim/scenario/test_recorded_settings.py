@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from sim.mission.archive import load as load_recording
-from sim.scenario.loading import SCENARIOS, decode_recorded, load
+from sim.mission.archive import load_recording
+from sim.scenario.loading import SCENARIOS, decode_recorded, load_scenario
 from sim.scenario.scenario import encode_scenario
 from tracking.errors import InputError
 
@@ -23,12 +23,12 @@ FIRST = {
 
 @pytest.mark.parametrize("changes", FIRST)
 def test_scenarios_are_written_as_by_the_first_release(changes):
-    assert hashlib.sha256(encode_scenario(load("forest", changes)).encode()).hexdigest() == FIRST[changes]
+    assert hashlib.sha256(encode_scenario(load_scenario("forest", changes)).encode()).hexdigest() == FIRST[changes]
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_any_packaged_scenario_comes_back(name):
-    assert decode_recorded(encode_scenario(load(name))) == load(name)
+    assert decode_recorded(encode_scenario(load_scenario(name))) == load_scenario(name)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_any_packaged_scenario_comes_back(name):
     ],
 )
 def test_other_settings_come_back(changes):
-    setting = load("forest", changes)
+    setting = load_scenario("forest", changes)
     assert decode_recorded(encode_scenario(setting)) == setting
 
 
@@ -48,7 +48,7 @@ def test_the_recording_of_the_docs_is_read():
 
 
 def test_a_removed_key_is_read_at_its_default_and_else_refused_in_one_line():
-    data = json.loads(encode_scenario(load("forest", ["uavs.0.navigation.yaw_bias_deg=2"])))
+    data = json.loads(encode_scenario(load_scenario("forest", ["uavs.0.navigation.yaw_bias_deg=2"])))
     data["trees"] |= {"height": [8.0, 12.0], "crown_ratio": 0.5}
     assert decode_recorded(json.dumps(data)).trees.height == (8.0, 12.0)
     for table, key, value in (
@@ -61,4 +61,4 @@ def test_a_removed_key_is_read_at_its_default_and_else_refused_in_one_line():
             decode_recorded(json.dumps(data))
         table[key] = before
     with pytest.raises(InputError, match=r"^people\.levy_exponent: unknown key; "):
-        load("forest", ["people.levy_exponent=2"])
+        load_scenario("forest", ["people.levy_exponent=2"])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.remarks import find_remarks
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
@@ -35,7 +35,7 @@ def test_a_person_straight_below_covers_the_pixels_of_the_mean_silhouette(footpr
     ],
 )
 def test_a_person_smaller_than_a_pixel_is_told_of_before_the_flight(changes, remarks):
-    assert find_remarks(load("forest", changes)) == remarks
+    assert find_remarks(load_scenario("forest", changes)) == remarks
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_a_person_smaller_than_a_pixel_is_told_of_before_the_flight(changes, rem
     ],
 )
 def test_clutter_in_which_people_are_lost_is_remarked_on(changes, doubted):
-    found = find_remarks(load("forest", changes))
+    found = find_remarks(load_scenario("forest", changes))
     expected = (
         []
         if doubted is None

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sim.scenario.loading import change_settings, decode, decode_recorded, load
+from sim.scenario.loading import change_settings, decode, decode_recorded, load_scenario
 from sim.scenario.scenario import encode_scenario
 from tracking.errors import InputError
 
 
 def view(*keys, file=None, **given):
     """Altitude, footprint and angle of view of the UAV in a scenario of one, with overrides."""
-    scenario = decode({"uavs": [{"start": [0.0, 0.0], **given}]}) if file is None else load(str(file), keys)
+    scenario = decode({"uavs": [{"start": [0.0, 0.0], **given}]}) if file is None else load_scenario(str(file), keys)
     return pytest.approx((scenario.uavs[0].altitude, scenario.uavs[0].footprint, scenario.uavs[0].fov_deg), rel=1e-12)
 
 
@@ -72,7 +72,7 @@ def test_overrides_mean_the_same_however_the_file_gives_the_view(tmp_path, keys,
     path.write_text("[[uavs]]\nstart = [0, 0]\n" + "".join(row for i, row in enumerate(rows) if i != left_out))
     assert view(*keys, file=path) == whole
     settings = {key: float(value) for key, _, value in (each.partition("=") for each in keys)}
-    uav = change_settings(load(str(path)), settings).uavs[0]
+    uav = change_settings(load_scenario(str(path)), settings).uavs[0]
     assert (uav.altitude, uav.footprint, uav.fov_deg) == pytest.approx(whole, rel=1e-12)
 
 
@@ -81,22 +81,24 @@ def test_overrides_mean_the_same_however_the_file_gives_the_view(tmp_path, keys,
 )  # the default fleet, and one that leaves the angle of view out
 @pytest.mark.parametrize("key", ["altitude", "footprint", "fov_deg"])
 def test_an_override_keeps_the_camera_or_its_footprint(scenario, key):
-    before, uav = load(scenario).uavs[1], load(scenario, [f"uavs.1.{key}=30"]).uavs[1]
+    before, uav = load_scenario(scenario).uavs[1], load_scenario(scenario, [f"uavs.1.{key}=30"]).uavs[1]
     assert getattr(uav, key) == pytest.approx(30, rel=1e-12)
     kept = "footprint" if key == "fov_deg" else "fov_deg"
     assert getattr(uav, kept) == getattr(before, kept)
-    assert change_settings(load(scenario), {f"uavs.1.{key}": 30}) == load(scenario, [f"uavs.1.{key}=30"])
+    assert change_settings(load_scenario(scenario), {f"uavs.1.{key}": 30}) == load_scenario(
+        scenario, [f"uavs.1.{key}=30"]
+    )
 
 
 def test_all_three_overrides_are_one_too_many():
     with pytest.raises(InputError, match=r"^uavs\.1: footprint, fov_deg and altitude are given; two of them determine"):
-        load("forest", ["uavs.1.altitude=30", "uavs.1.fov_deg=50", "uavs.1.footprint=20"])
+        load_scenario("forest", ["uavs.1.altitude=30", "uavs.1.fov_deg=50", "uavs.1.footprint=20"])
     with pytest.raises(InputError, match=r"^uavs\.1\.footprint: 'wide' is not allowed; expected `float"):
-        load("forest", ["uavs.1.footprint=wide", "uavs.1.altitude=30"])
+        load_scenario("forest", ["uavs.1.footprint=wide", "uavs.1.altitude=30"])
 
 
 def test_a_fleet_keeps_its_views_in_recordings_and_copies():
-    scenario = load("forest", ["uavs.0.altitude=30"])
+    scenario = load_scenario("forest", ["uavs.0.altitude=30"])
     rows = json.loads(encode_scenario(scenario))["uavs"]
     assert all("altitude" not in row for row in rows) and rows[0]["footprint"] == scenario.uavs[0].footprint
     assert decode_recorded(encode_scenario(scenario)) == scenario == pickle.loads(pickle.dumps(scenario))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.errors import InputError
 
 # Settings, parted by spaces where there are several, and words of the line; one of each kind, as the bounds of all
@@ -55,7 +55,7 @@ WRONG = {
 @pytest.mark.parametrize("settings", WRONG)
 def test_a_wrong_value_is_named_in_one_line(settings):
     with pytest.raises(InputError) as caught:
-        load("forest", settings.split(" "))
+        load_scenario("forest", settings.split(" "))
     message = str(caught.value)
     assert "\n" not in message
     for word in WRONG[settings]:

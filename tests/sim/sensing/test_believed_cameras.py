@@ -5,7 +5,7 @@ import pytest
 
 from planning.baselines import Hover
 from sim.mission.mission import Mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 
 LENS = "width = 320, height = 240, hfov_deg = 60, distortion = [-0.25, 0.05]"
 SETTINGS = [
@@ -19,7 +19,7 @@ def errors(mode: str, belief: str) -> tuple[np.ndarray, np.ndarray]:
     camera = f"{{{LENS}, believed = {{{belief}}}}}"
     fleet = f"uavs=[{{start=[0,0], footprint=30, camera={camera}}}]"
     places, found = [], []
-    scenario = load("forest", [*SETTINGS, f"sensing.mode={mode}", fleet])
+    scenario = load_scenario("forest", [*SETTINGS, f"sensing.mode={mode}", fleet])
     for snapshot in Mission(scenario, Hover(), 0).fly():
         scan, eye = snapshot.scans[0], snapshot.cameras[0].position[:2]
         people = snapshot.people[~np.isnan(snapshot.people[:, 0])]

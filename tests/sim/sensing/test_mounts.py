@@ -7,7 +7,7 @@ import pytest
 from helpers.flights import fly
 from scipy.spatial.transform import Rotation
 
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from sim.sensing.cameras import camera_pose, vehicle_of
@@ -60,7 +60,9 @@ def test_a_body_fixed_camera_turns_with_the_body_which_planners_take_as_level():
 
 @pytest.mark.parametrize("tilt", [20.0, 45.0])
 def test_a_tilted_camera_measures_people_ahead_where_they_are(tilt):
-    setting = load("forest", [f"uavs=[{{start=[0, 0], tilt_deg={tilt}, footprint=20}}]", "sensing.noise=camera"])
+    setting = load_scenario(
+        "forest", [f"uavs=[{{start=[0, 0], tilt_deg={tilt}, footprint=20}}]", "sensing.noise=camera"]
+    )
     ahead = setting.uavs[0].altitude * math.tan(math.radians(tilt))
     people = np.array([[ahead, 0.0], [ahead + 4.0, 3.0], [ahead - 3.0, -4.0], [-6.0, 0.0]])
     with World(setting, Forest(()), 4) as world:

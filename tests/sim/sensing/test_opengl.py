@@ -11,10 +11,10 @@ from helpers.flights import filmed
 from helpers.recordings import record
 from helpers.views import CAMERA, SCENARIO
 
-from sim.exchange.labelled_images import write_labelled_images
+from sim.exchange.export import write_labelled_images
 from sim.facts.rerender import Rerenderer
 from sim.mission.archive import save
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.remarks import find_remarks
 from sim.scenario.sensing import Sensing
 from sim.sensing.renderer import Renderer
@@ -143,7 +143,7 @@ def test_without_opengl_what_needs_it_is_refused(refused, tmp_path, absent, argu
 
 
 def test_misses_for_which_the_tracker_is_not_set_are_remarked_on():
-    assert find_remarks(load("forest", ["sensing.miss_probability=0.3"])) == [
+    assert find_remarks(load_scenario("forest", ["sensing.miss_probability=0.3"])) == [
         "tracking.detection_probability: 0.99 is far above the 0.7 that sensing.miss_probability means; "
         "misses will end tracks of people"
     ]
@@ -151,19 +151,19 @@ def test_misses_for_which_the_tracker_is_not_set_are_remarked_on():
         ["sensing.miss_probability=0.01"],
         ["sensing.miss_probability=0.3", "tracking.detection_probability=0.7"],
     ):
-        assert find_remarks(load("forest", ready)) == []
+        assert find_remarks(load_scenario("forest", ready)) == []
 
 
 def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
-    assert find_remarks(load("forest", ["sensing.false_alarms=1", "tracking.management=m_of_n"])) == [
+    assert find_remarks(load_scenario("forest", ["sensing.false_alarms=1", "tracking.management=m_of_n"])) == [
         "tracking.clutter_density: 1e-06 per m2 is far below the 0.0025 that sensing.false_alarms means; "
         "tracks will follow false alarms",
         'tracking.management: 2 of 3 false alarms make a track; "existence" weighs them against clutter',
     ]
     ready = ["sensing.false_alarms=1", "tracking.clutter_density=0.002"]
-    assert find_remarks(load("forest", ready)) == []
+    assert find_remarks(load_scenario("forest", ready)) == []
     for duration in ("0.2", "1", "40", "40.6", "3600", "0.6", "100.2"):
-        assert find_remarks(load("forest", [f"duration={duration}", "people.count=7"])) == []
+        assert find_remarks(load_scenario("forest", [f"duration={duration}", "people.count=7"])) == []
 
 
 @pytest.mark.parametrize(
@@ -180,4 +180,4 @@ def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
     ],
 )
 def test_settings_that_others_leave_without_effect_are_remarked_on(changes, remark):
-    assert find_remarks(load("forest", changes)) == [remark]
+    assert find_remarks(load_scenario("forest", changes)) == [remark]

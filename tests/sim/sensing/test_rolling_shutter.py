@@ -12,7 +12,7 @@ from sim.facts.rerender import Rerenderer
 from sim.mission.mission import Mission
 from sim.running.fly import record
 from sim.scenario.camera_settings import CameraSettings
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import Uav, UavSettings
@@ -110,7 +110,7 @@ CAMERA = "{width = 160, height = 120, hfov_deg = 60, distortion = [-0.2], readou
 
 def test_frames_of_a_recording_are_those_of_the_mission():
     fleet = f'uavs=[{{start=[-25,-10], footprint=26, camera={CAMERA}, mount="body"}}]'
-    scenario = load("forest", ["duration=3", "sensing.noise=camera", fleet])
+    scenario = load_scenario("forest", ["duration=3", "sensing.noise=camera", fleet])
     mission, snapshots, images = Mission(scenario, Greedy(), 1), [], []
     for snapshot in mission.fly():
         snapshots.append(snapshot)
@@ -123,4 +123,4 @@ def test_frames_of_a_recording_are_those_of_the_mission():
 def test_a_readout_ends_before_the_next_scan():
     fleet = f"uavs=[{{start=[-25,-10], footprint=26, camera={CAMERA.replace('0.05', '0.25')}}}]"
     with pytest.raises(InputError, match=r"uavs.0.camera.readout: 0.25 s is too long; allowed is less than the 0.2 s"):
-        load("forest", [fleet])
+        load_scenario("forest", [fleet])

@@ -8,7 +8,7 @@ import pytest
 from helpers.studies import Serial, task_of
 
 from sim.installation import ASSETS
-from sim.scenario.loading import SCENARIOS, load
+from sim.scenario.loading import SCENARIOS, load_scenario
 from sim.scenario.remarks import find_remarks
 from sim.scenario.scenario import encode_scenario
 from sim.study.cells import VIEW, list_cells
@@ -25,7 +25,7 @@ FROZEN = "7d1e962bf0a1101f01e51cff797d44cc98b00fd7df35c3cb9ffadb298ce9db4c"
 
 def test_the_worlds_of_the_bench_never_change():
     paths = (ASSETS / "trajectories" / "plaza.csv").read_bytes()
-    parts = [repr(BENCH.score).encode(), paths] + [encode_scenario(load(name)).encode() for name in WORLDS]
+    parts = [repr(BENCH.score).encode(), paths] + [encode_scenario(load_scenario(name)).encode() for name in WORLDS]
     digest = hashlib.sha256(b"\0".join(parts)).hexdigest()
     assert digest == FROZEN, "bench-1 is frozen: make another bench of it, and leave its worlds as they are"
     assert WORLDS == BENCH.scenarios and all("version = 1\n" in SCENARIOS[name].read_text("utf-8") for name in WORLDS)
@@ -33,7 +33,7 @@ def test_the_worlds_of_the_bench_never_change():
 
 @pytest.mark.parametrize("world", WORLDS)
 def test_each_world_flies_with_the_people_and_uavs_that_it_promises(world):
-    setting = load(world)
+    setting = load_scenario(world)
     assert find_remarks(setting) == []
     (row,) = fly_trials([task_of(msgspec.structs.replace(setting, duration=1.0), "greedy", 3)], Serial())
     assert row.status == "done" and row.metrics["faults"] == 0 and np.isfinite(row.metrics["gospa.mean_m"])

@@ -10,7 +10,7 @@ import pytest
 
 from planning.catalogue import DEFAULT_PLANNER
 from planning.planner_loading import load_planner
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import flatten, format_value
 from sim.study.cells import add_trackers, list_cells
@@ -68,7 +68,7 @@ def test_trials_are_the_product_of_levels_planners_and_seeds_less_what_is_exclud
         ("45", "1", "sma-nbo(horizon=1)"),
     ]
     assert found[5].settings == {"sensing.mode": "ideal", "trees.density": "45"}
-    assert found[5].setting == load("forest", ["sensing.mode=ideal", "trees.density=45"])
+    assert found[5].setting == load_scenario("forest", ["sensing.mode=ideal", "trees.density=45"])
     assert load_planner(found[1].planner).horizon == 1
 
 
@@ -182,12 +182,12 @@ def test_trackers_given_by_flag_take_the_place_of_those_that_a_study_leaves_out(
 
 def test_settings_as_text_reproduce_each_trial_of_the_packaged_studies():
     cuts = [{"links": [[0, 1]], "start": 3.5}]
-    assert load("forest", [f"network.cuts={format_value(cuts)}"]).network.cuts[0].start == 3.5
+    assert load_scenario("forest", [f"network.cuts={format_value(cuts)}"]).network.cuts[0].start == 3.5
     assert flatten({"a": {"b": {"c": 1}, "d": [1]}, "e": 2}) == {"a.b.c": 1, "a.d": [1], "e": 2}
     for name in STUDIES:
         for task in list_trials(adapt_study(read_study(name), seeds="0")):
             words = [word for key, value in task.settings.items() for word in ("--set", f"{key}={value}")]
-            assert load(task.scenario, shlex.split(shlex.join(words))[1::2]) == task.setting
+            assert load_scenario(task.scenario, shlex.split(shlex.join(words))[1::2]) == task.setting
 
 
 WRONG = {

@@ -8,7 +8,7 @@ import pytest
 from helpers.studies import Serial, invented, plain, short, sql, store
 
 from sim.study.scheduler import Options, complete
-from sim.study.store import NAME, SCHEMA, Store, StoreError, read_dataframe, read_rows
+from sim.study.store import NAME, SCHEMA, Store, StoreError, read_rows, tabulate_rows
 from tracking.errors import InputError
 
 FACTORS = {"lambda": {"5": {"trees": {"density": 5}}, "3": {"trees": {"density": 3}}}}
@@ -34,7 +34,7 @@ def test_rows_come_back_as_they_were(filled):
 def test_seeds_of_any_size_are_read_as_they_were_in_order(tmp_path):
     seeds = [9, 10, 2**63 - 1, 2**63, 2**63 + 1, 2**64 - 1, 10**20, 2**80]
     store(tmp_path, short(["hover"], ",".join(map(str, reversed(seeds)))))
-    assert [row.seed for row in read_rows(tmp_path)] == read_dataframe(tmp_path)["seed"].tolist() == seeds
+    assert [row.seed for row in read_rows(tmp_path)] == tabulate_rows(read_rows(tmp_path))["seed"].tolist() == seeds
 
 
 def test_trials_are_what_their_keys_say_and_added_again_replace_the_first(filled):
@@ -56,9 +56,9 @@ def test_plain_sql_reads_it_and_one_call_makes_a_frame(filled):
     expected = [r.metrics["ospa.mean_m"] for r in rows if r.factors == (("lambda", "3"),) and r.planner == "hover"]
     assert means["hover"] == pytest.approx(np.mean(expected)) and set(means) == {"hover", "greedy"}
     assert sql(folder, "SELECT DISTINCT value FROM metrics WHERE name = 'detection.precision'") == [(None,)]
-    table = read_dataframe(folder)
+    table = tabulate_rows(read_rows(folder))
     for path in (str(folder), folder / NAME, str(folder / NAME)):
-        assert read_dataframe(path).equals(table)
+        assert tabulate_rows(read_rows(path)).equals(table)
     assert len(table) == len(rows) and {"planner", "seed", "factor.lambda", "ospa.mean_m"} <= set(table.columns)
     mean = table[table["planner"] == "greedy"].groupby("factor.lambda")["detection.recall"].mean()["5"]
     expected = [r.metrics["detection.recall"] for r in rows if (r.planner, r.factors) == ("greedy", (("lambda", "5"),))]

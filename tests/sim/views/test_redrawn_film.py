@@ -14,10 +14,10 @@ from helpers import synthetic
 from helpers.films import decoded
 from helpers.processes import python
 
-from sim.mission.archive import load, save
+from sim.mission.archive import load_recording, save
 from sim.mission.trial import Trial
 from sim.running.results import run_mission as fly
-from sim.scenario.loading import load as load_scenario
+from sim.scenario.loading import load_scenario
 from sim.views import redrawn_film as module
 from sim.views import window
 from sim.views.drawing.film import Film, Video
@@ -33,7 +33,7 @@ def flown(tmp_path_factory):
     """The folder of a run with its film; its planner exists no more."""
     folder = tmp_path_factory.mktemp("flown") / "run"
     fly(Trial(load_scenario("forest", SETTINGS), "greedy", 3), folder)
-    recording = load(folder / "mission.npz")
+    recording = load_recording(folder / "mission.npz")
     (folder / "mission.npz").unlink()
     save(dataclasses.replace(recording, planner="gone:Planner"), folder / "mission.npz")
     return folder
@@ -74,7 +74,7 @@ def test_the_film_is_the_one_flown_but_for_the_planners_name(replay, flown, tmp_
     below = slice(64, None)  # the header, and the block of pixels that shares in it, names another planner
     for one, other in zip(mine[0], theirs[0], strict=True):
         assert np.mean(one[below] != other[below]) < 0.01
-    save(dataclasses.replace(load(flown / "mission.npz"), planner="greedy"), tmp_path / "named.npz")
+    save(dataclasses.replace(load_recording(flown / "mission.npz"), planner="greedy"), tmp_path / "named.npz")
     assert replay("named.npz")[0] == 0
     for one, other in zip(decoded(tmp_path / "replay.mp4")[0], theirs[0], strict=True):
         np.testing.assert_array_equal(one, other)
@@ -85,7 +85,7 @@ def test_the_film_is_the_one_flown_but_for_the_planners_name(replay, flown, tmp_
     "layout", ["map+cameras", "uav1", *(pytest.param(n, marks=pytest.mark.slow) for n in ("cameras", "map"))]
 )
 def test_a_part_shows_the_same_pictures_as_the_whole(flown, pictures, layout):
-    recording = load(flown / "mission.npz")
+    recording = load_recording(flown / "mission.npz")
     whole = pictures(recording, range(16), layout=layout)
     for scans in ([3], [8, 9], [11, 12, 13, 14, 15]):
         for k, picture in zip(scans, pictures(recording, scans, layout=layout), strict=True):
@@ -108,7 +108,7 @@ def test_people_from_a_file_that_is_gone_walk_again(pictures, tmp_path, without_
     setting = load_scenario("forest", ["duration=1", f"people.trajectories={path}", "sensing.mode=ideal"])
     fly(Trial(setting, "hover", 0), tmp_path / "run", video=False)
     path.unlink()
-    assert len(pictures(load(tmp_path / "run" / "mission.npz"), range(6))) == 6
+    assert len(pictures(load_recording(tmp_path / "run" / "mission.npz"), range(6))) == 6
 
 
 def test_ctrl_c_and_a_full_disk_leave_nothing(replay, tmp_path, monkeypatch):

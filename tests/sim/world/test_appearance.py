@@ -11,7 +11,7 @@ from helpers.views import CAMERA, SCENARIO, random_forest
 
 from assets.shapes import PALETTE
 from sim.scenario.environment import APPEARANCES, Appearance
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer
 from sim.world.appearance import sample_appearance
@@ -62,13 +62,13 @@ def test_each_strength_varies_its_own_part_and_shows(name, value):
 
 def test_presets_vary_nothing_half_or_all_of_the_same():
     none, mild, full = (
-        sample_appearance(load("forest", [f"appearance={name}"]), 1, trees=2, people=3) for name in APPEARANCES
+        sample_appearance(load_scenario("forest", [f"appearance={name}"]), 1, trees=2, people=3) for name in APPEARANCES
     )
     assert none.light == style(0).light and not none.noise and different(mild, none) == different(full, none) == PARTS
     assert mild.ambient - none.ambient == pytest.approx((full.ambient - none.ambient) / 2)
     assert (mild.blur, mild.noise) == (full.blur / 2, full.noise / 2) == (0.25, 2.0)
     np.testing.assert_allclose(mild.clothes[:, 0] - 1, (full.clothes[:, 0] - 1) / 2)
-    louder = load("forest", ["appearance=full", "appearance.noise=12"]).appearance
+    louder = load_scenario("forest", ["appearance=full", "appearance.noise=12"]).appearance
     assert louder == Appearance(randomise=True, noise=12.0)
 
 

@@ -10,7 +10,7 @@ import pytest
 from sim.mission.recording import FIELDS
 from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.environment import Trees
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.remarks import find_remarks
 from sim.world.stem_map import find_unused_columns, read_stem_map
 from tracking.errors import InputError
@@ -122,14 +122,14 @@ def test_trees_that_do_not_fit_are_named_by_their_row(stems, monkeypatch, tmp_pa
     (tmp_path / "walk.csv").write_text("time,id,x,y\n0,a,0,0\n10,a,10,0\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=re.escape(complaint)):
-        make_forest_and_people(load("forest", ["trees.file=plot.csv", *settings]), 0)
+        make_forest_and_people(load_scenario("forest", ["trees.file=plot.csv", *settings]), 0)
 
 
 def test_a_path_beside_a_trunk_is_allowed(stems, tmp_path):
     stems("x,y,trunk_radius\n5,0.21,0.2\n5,-2,1.9\n")
     (tmp_path / "walk.csv").write_text("time,id,x,y\n0,a,0,0\n10,a,10,0\n", encoding="utf-8")
     settings = [f"trees.file={tmp_path / 'plot.csv'}", f"people.trajectories={tmp_path / 'walk.csv'}"]
-    assert len(make_forest_and_people(load("forest", settings), 3)[0].trees) == 2
+    assert len(make_forest_and_people(load_scenario("forest", settings), 3)[0].trees) == 2
 
 
 def test_a_stem_map_of_a_random_forest_gives_the_same_mission_and_is_not_needed_afterwards(tmp_path):
@@ -147,7 +147,7 @@ def test_a_stem_map_of_a_random_forest_gives_the_same_mission_and_is_not_needed_
 
 def test_remarks_name_keys_without_effect(stems):
     path = stems("x,y\n0,0\n")
-    scenario = load("forest", [f"trees.file={path}", "trees.density=10"])
+    scenario = load_scenario("forest", [f"trees.file={path}", "trees.density=10"])
     assert find_remarks(scenario) == ["trees.density: not used, as trees.file gives all trees"]
     assert msgspec.structs.replace(scenario.trees, file="").stem_map is None
 
@@ -155,7 +155,7 @@ def test_remarks_name_keys_without_effect(stems):
 def test_packaged_stands_are_read_without_remarks():
     for name, stems in {"park": 60, "plantation": 1575}.items():
         assert find_unused_columns(Trees(file=name)) == []
-        assert len(make_forest_and_people(load(name), 0)[0].trees) == stems
+        assert len(make_forest_and_people(load_scenario(name), 0)[0].trees) == stems
 
 
 def test_run_and_compare_say_once_which_columns_are_not_used(stems, tmp_path, call, compare):

@@ -6,9 +6,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.scenario.environment import Area, People
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.remarks import find_remarks
 from sim.world.recorded_people import describe_trajectories, read_trajectories
 from sim.world.trajectories import Trajectories
@@ -102,7 +102,9 @@ def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
 
 
 def described(path):
-    return describe_trajectories(load("forest", [f"people.trajectories={path}", "area.width=9000", "area.height=9000"]))
+    return describe_trajectories(
+        load_scenario("forest", [f"people.trajectories={path}", "area.width=9000", "area.height=9000"])
+    )
 
 
 def walks(speeds, seconds=20, rate=5, start=0.0, noise=0.0):
@@ -251,7 +253,7 @@ def test_a_file_of_frames_asks_for_their_rate_and_keys_without_a_file_are_told_o
     ):
         read_trajectories(path, AREA, duration=1)
     told = "people.fps, people.start: not used without people.trajectories"
-    assert find_remarks(load("forest", ["people.fps=25", "people.start=2"])) == [told]
+    assert find_remarks(load_scenario("forest", ["people.fps=25", "people.start=2"])) == [told]
 
 
 def test_a_mission_of_a_person_who_leaves_and_returns_is_flown_and_explained(tmp_path, call):

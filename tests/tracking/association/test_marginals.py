@@ -1,4 +1,4 @@
-"""Association against every joint event written out, and against Stone Soup's JPDA."""
+"""Association and a whole tracker against Stone Soup's JPDA."""
 
 import math
 
@@ -14,39 +14,6 @@ from tracking.association.jpda import existence_association, gated_likelihood
 from tracking.fusion.consensus import fuse
 from tracking.parameters import TrackerParameters
 from tracking.settings import DAY
-
-
-def events(tracks: int, measurements: int, used: tuple[int, ...] = ()):
-    """All ways to give each track none, 0, or one, from 1, of the measurements, none of them twice."""
-    if len(used) == tracks:
-        yield used
-        return
-    for j in range(measurements + 1):
-        if j == 0 or j not in used:
-            yield from events(tracks, measurements, (*used, j))
-
-
-def brute_force(likelihood: np.ndarray, detection: np.ndarray, clutter: float) -> np.ndarray:
-    """Marginals from the weights of all joint events, as they stand in the book; detection (T, N + 1)."""
-    T, N = likelihood.shape
-    factor = np.column_stack([1 - detection[:, 0], detection[:, 1:] * likelihood / clutter])
-    every = np.array(list(events(T, N)), dtype=int).reshape(-1, T)
-    weight = np.prod(factor[np.arange(T), every], axis=1)
-    return np.array([[weight[every[:, i] == j].sum() for j in range(N + 1)] for i in range(T)]) / weight.sum()
-
-
-@pytest.mark.parametrize("tracks", range(1, 7))
-@pytest.mark.parametrize("measurements", range(7))
-def test_association_with_state_dependent_detection_matches_brute_force(tracks, measurements):
-    """Likelihoods over four decades, full and sparse gates, clutter over five decades, people out of view."""
-    rng = np.random.default_rng([tracks, measurements])
-    for density in (0.3, 0.7, 1.0):
-        likelihood = 10 ** rng.uniform(-4, 0, (tracks, measurements)) * (rng.random((tracks, measurements)) < density)
-        detection = rng.random((tracks, measurements + 1))
-        detection[rng.random(detection.shape) < 0.2] = 0.0
-        clutter = 10 ** rng.uniform(-5, 0)
-        beta = existence_association(likelihood, detection, clutter, np.ones(tracks))[0]
-        np.testing.assert_allclose(beta, brute_force(likelihood, detection, clutter), rtol=1e-9, atol=1e-300)
 
 
 class EachItsOwn:

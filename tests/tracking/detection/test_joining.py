@@ -64,16 +64,6 @@ def test_fragments_are_joined_nearest_first(tilt):
     assert joins > 5
 
 
-def test_eight_hundred_fragments_are_measured_little_more_than_once(monkeypatch):
-    """Each join measures one blob anew and each pair is tried once."""
-    tried = []
-    counted = lambda lens, blob: tried.append(1) or _is_one_person(lens, blob)  # noqa: E731
-    monkeypatch.setattr("tracking.detection.blob_detector._is_one_person", counted)
-    blobs = [pixel[None] + 0.5 for pixel in np.random.default_rng(1).integers(0, 128, (800, 2)).astype(float)]
-    found, _ = _join(CAMERA.lens(tilted(0.0)), blobs, range(800))
-    assert len(found) < 500 and len(tried) < 30 * 800
-
-
 @pytest.mark.parametrize(("degrees", "size"), [(d, size) for d in (30, 45, 58) for size in (128, 512)])
 def test_whole_people_near_corners_of_tilted_images_are_one_detection_each(degrees, size):
     """People of four pixels or more: of what is smaller, beside the horizon, rounding makes more than one's area."""

@@ -107,31 +107,19 @@ def cut_person(camera):
     return image, Forest((Tree(5.6, 0.0, 1.5),))
 
 
-def test_turning_or_moving_camera_and_scene_turns_or_moves_the_place():
+def test_turning_and_moving_camera_and_scene_turns_and_moves_the_place():
     camera = Camera(math.radians(60), 128)
     image, forest = cut_person(camera)
     pose = Pose.level(0.0, 0.0, 19.0)
     here = BlobDetector(forest).detect(Frame(0, 0.0, camera, pose, image))
     assert find_places(Frame(0, 0.0, camera, pose, image), np.array([[90.5, 62.5], [91.5, 62.5]]), forest) is not None
-    for yaw in (0.3, 1.7, -2.0):
+    for yaw, shift in ((0.3, (0.0, 0.0)), (1.7, (16.0, -8.0)), (-2.0, (-3.0, 5.0))):
         turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
-        trees = tuple(Tree(*(turn @ [t.x, t.y]), t.canopy_radius) for t in forest.trees)
-        away = Pose(pose.position, turned(0.0, 0.0, yaw))
+        trees = tuple(Tree(*(turn @ [t.x, t.y] + shift), t.canopy_radius) for t in forest.trees)
+        away = Pose(pose.position + np.array([*shift, 0.0]), turned(0.0, 0.0, yaw))
         there = BlobDetector(Forest(trees)).detect(Frame(0, 0.0, camera, away, image))
-        np.testing.assert_allclose(there.ground, here.ground @ turn.T, atol=1e-9)
+        np.testing.assert_allclose(there.ground, here.ground @ turn.T + shift, atol=1e-9)
         np.testing.assert_allclose(there.covariances, turn @ here.covariances @ turn.T, atol=1e-9)
-    camera = Camera(math.radians(60), 128)
-    image = np.full((128, 128, 3), GREEN, dtype=np.uint8)
-    image[60:62, 90:93] = ORANGE
-    there = []
-    for shift in (np.zeros(2), np.array([16.0, -8.0])):
-        forest = Forest((Tree(5.6 + shift[0], 2.0 + shift[1], 1.5),))
-        frame = Frame(0, 0.0, camera, Pose.level(*shift, 19.0), image)
-        found = BlobDetector(forest).detect(frame)
-        assert not np.array_equal(found.ground, BlobDetector().detect(frame).ground)
-        there.append((found.ground - shift, found.covariances))
-    np.testing.assert_allclose(there[0][0], there[1][0], atol=1e-6)
-    np.testing.assert_allclose(there[0][1], there[1][1], atol=1e-6)
 
 
 @pytest.mark.parametrize("pixels", [64, 128, 256, 512])

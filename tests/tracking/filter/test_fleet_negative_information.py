@@ -59,11 +59,6 @@ def test_a_fleets_belief_in_a_hidden_person_is_as_wide_as_a_particle_filters(aro
         assert 0.9 <= ratios.min() and ratios.max() <= 1.25
 
 
-def test_without_negative_information_beliefs_are_wider():
-    ratios = believed(2.0, 1.0, True, negative_information=0.0) / true_deviations(2.0, 1.0, True)
-    assert ratios[0] > 1.3 and ratios[1] > 2.5
-
-
 def slow_camera(companion: Pose | None) -> list[np.ndarray]:
     """Means and covariances of a person under a canopy, by a camera above it with a frame each second.
 

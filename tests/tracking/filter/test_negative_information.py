@@ -9,7 +9,7 @@ from helpers.particles import hidden, start
 from helpers.scenes import ABOVE, CAMERA, MOTION, play, scan, track, tracker
 from scipy import stats
 
-from tracking.filter.negative_information import miss_likelihood, negative_information_update, share_crossed
+from tracking.filter.negative_information import miss_likelihood, negative_information_update
 from tracking.geometry.camera import Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, Tree, visible_samples
@@ -61,40 +61,6 @@ def test_an_edge_through_the_mean_leaves_the_moments_of_half_a_normal_distributi
     assert means[0, 2] - 1.0 == pytest.approx(0.3 * (means[0, 0] - 3.0), rel=1e-9)
     assert covariances[0, 2, 2] == pytest.approx(1 - 0.09 * (4 - covariances[0, 0, 0]), rel=1e-9)
     assert means[0, 1] == pytest.approx(0.0, abs=1e-12) and covariances[0, 1, 1] == pytest.approx(1.0, rel=1e-9)
-
-
-def test_random_half_planes_give_the_moments_of_weighted_samples():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        mean, covariance = belief(rng)
-        angle, offset = rng.uniform(0, 2 * math.pi), rng.uniform(-0.6, 0.6)
-        normal = np.array([math.cos(angle), math.sin(angle)])
-        scale = math.sqrt(normal @ covariance[:2, :2] @ normal)
-
-        def visible(p, mean=mean, normal=normal, limit=offset * scale):
-            return (p - mean[:2]) @ normal > limit
-
-        means, covariances = negative_information_update(
-            mean[None], covariance[None], 1 - 0.9 * seen_where(visible, mean, covariance)[None]
-        )
-        states = rng.multivariate_normal(mean, covariance, 20_000)
-        weights = 1 - 0.9 * visible(states[:, :2])
-        expected = np.average(states, axis=0, weights=weights)
-        spread = np.cov(states.T, aweights=weights)
-        sigma = np.sqrt(np.diag(covariance))
-        assert np.all(np.abs(means[0] - expected) < 0.2 * sigma)
-        assert np.all(np.abs(np.sqrt(np.diag(covariances[0])) - np.sqrt(np.diag(spread))) < 0.15 * sigma)
-
-
-def test_covariances_stay_positive_definite_over_many_scans_of_an_empty_place():
-    mean, covariance = np.zeros(4), np.diag([4.0, 4.0, 1.0, 1.0])
-    means, covariances = mean[None], covariance[None]
-    for _ in range(200):
-        seen = seen_where(lambda p: np.hypot(*(p - 1.0).T) > 1.5, means[0], covariances[0])
-        before = np.trace(covariances[0])
-        means, covariances = negative_information_update(means, covariances, 1 - 0.99 * seen[None])
-        assert np.linalg.eigvalsh(covariances[0]).min() > 0 and np.trace(covariances[0]) <= before * (1 + 1e-9)
-    assert np.hypot(*(means[0, :2] - 1.0)) < 1.5
 
 
 def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
@@ -166,15 +132,6 @@ def test_negative_information_hardly_depends_on_the_detection_probability(detect
         found, widths = believed(radius, speed, detection_probability=detection)
         assert np.max(np.abs(found - means) / deviations) < 0.8
         assert 0.7 < np.min(widths / deviations) and np.max(widths / deviations) < 1.4
-
-
-def test_people_cross_a_share_of_their_belief():
-    covariances = np.array([np.diag(row) for row in ([4.0, 4, 1, 1], [3.0, 0, 0, 2], [9.0, 9, 1, 1])])
-    means = np.array([[5.0, 5.0, 0.0, 0.0], [0.0, 0.0, 3.0, 4.0], [1.0, 0.0, 0.0, 4.0]])
-    expected = [0.2 * math.sqrt(v / w) for v, w in ((2, 8), (2 + 0.35**2 * 25, 3), (2 + 0.35**2 * 16, 18))]
-    for elapsed in (0.2, 1.5):
-        found = [share_crossed(*belief, elapsed) for belief in zip(means, covariances, strict=True)]
-        np.testing.assert_allclose(found, elapsed / 0.2 * np.array(expected), rtol=1e-12)
 
 
 def test_a_frame_counts_in_full_beyond_the_last_frames_view():

@@ -12,7 +12,6 @@ from tracking.fusion.member import make_tracker
 from tracking.fusion.message import new_id
 from tracking.parameters import TrackerParameters
 from tracking.track import Scan, Track
-from tracking.tracker import Tracker
 
 LINKED = ~np.eye(2, dtype=bool)
 
@@ -65,21 +64,6 @@ def test_the_belief_of_the_uav_that_detects_counts(fusion):
         np.testing.assert_allclose(belief.covariance, 0.02 * np.eye(4), atol=1e-6)
 
 
-def test_tracks_that_two_uavs_begin_are_as_many_as_people():
-    one, other = (Scripted(u, [track(0, 9, 9, 0, 0)]) for u in range(2))
-    one.begins(1.0, 1.0, 0, 0)
-    other.begins(1.2, 0.9, 0, 0)
-    fuse([one, other], LINKED, 5)
-    assert one.ids == other.ids == [0, new_id(1, 0, 0)]
-    fuse([one, other], LINKED, 5)
-    assert one.ids == other.ids == [0, new_id(1, 0, 0)]
-    one, other = Scripted(0), Scripted(1)
-    one.begins(1.0, 1.0, 0, 0)
-    other.begins(8.0, 1.0, 0, 0)
-    fuse([one, other], LINKED, 5)
-    assert one.ids == other.ids == [new_id(1, 0, 0), new_id(1, 1, 0)]
-
-
 @pytest.mark.parametrize("detects", [False, True])
 def test_a_track_that_one_uav_leaves_out_ends_unless_another_detects_it(detects):
     one, other = (Scripted(u, [track(0, 0, 0, 0, 0), track(1, 9, 9, 0, 0)]) for u in range(2))
@@ -91,19 +75,6 @@ def test_a_track_that_one_uav_leaves_out_ends_unless_another_detects_it(detects)
     assert one.ids == other.ids == ([0, 1] if detects else [1])
     fuse([one, other], LINKED, 5)
     assert one.ids == other.ids == ([0, 1] if detects else [1])
-
-
-def test_halves_that_meet_again_join_their_tracks():
-    fleet = [Scripted(u, [track(0, 0, 0, 0, 0)]) for u in range(2)]
-    for _ in range(10):
-        fuse(fleet, np.zeros((2, 2), bool), 5)
-    fleet[0].begins(5.0, 5.0, 0, 0)
-    fleet[1].begins(5.1, 5.0, 0, 0)
-    fuse(fleet, np.zeros((2, 2), bool), 5)
-    for member in fleet:
-        member.detected = dict.fromkeys(member.ids, 1.0)
-    fuse(fleet, LINKED, 5)
-    assert fleet[0].ids == fleet[1].ids == [0, new_id(11, 0, 0)]
 
 
 @pytest.mark.parametrize(
@@ -143,11 +114,6 @@ def test_only_a_sure_detection_is_a_sighting():
         fuse([lone], ALONE, 5)
         sighted.append(lone.tracks[0].sighting)
     np.testing.assert_allclose(sighted, [[0, 0, 0.0]] * 3 + [[3, 0, 0.6]], atol=1e-9)
-
-
-def test_the_built_in_tracker_is_made_unchecked():
-    made = make_tracker("jpda", 2, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 0, 0)])
-    assert type(made) is Tracker and (made.uav, made.max_speed) == (2, 3.0)
 
 
 class Kalman(Scripted):

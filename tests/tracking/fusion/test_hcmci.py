@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.graphs import graph, metropolis
+from helpers.graphs import graph
 from helpers.information import information_form, moment_form
 from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, H, R, scan, track, tracker
 from hypothesis import given, settings
@@ -85,20 +85,6 @@ def test_with_many_rounds_hcmci_is_the_central_filter(kind, rounds):
             (held,) = t.tracks
             np.testing.assert_allclose(held.belief.covariance, np.linalg.inv(central.omega), rtol=0, atol=1e-6)
             np.testing.assert_allclose(held.belief.mean, np.linalg.solve(central.omega, central.q), atol=1e-6)
-
-
-def test_on_a_ring_the_error_falls_with_the_second_eigenvalue():
-    adjacency = graph("ring", 8)
-    rate = np.sort(np.abs(np.linalg.eigvalsh(metropolis(adjacency))))[-2]
-    errors = []
-    for rounds in range(25, 46):
-        trackers, central = fleet(8), CentralFilter()
-        central.update(look(trackers, 0, np.zeros(2), np.arange(8) % 3 < 2, np.random.default_rng(1)))
-        fuse(trackers, adjacency, rounds)
-        errors.append(np.linalg.norm(beliefs(trackers)[1] - central.omega))
-    factors = np.array(errors[1:]) / np.array(errors[:-1])
-    np.testing.assert_allclose(factors[-1], rate, rtol=1e-2)
-    assert np.all(factors < rate * 1.05)
 
 
 @st.composite

@@ -177,26 +177,3 @@ def test_agreement_counts_no_information_twice_and_equal_reports_change_nothing(
             assert np.linalg.eigvalsh(held.belief.covariance - best).min() > -1e-12
             assert np.linalg.eigvalsh(without - held.belief.covariance)[-2:].min() > 1e-3  # what each has alone counts
     assert average_reports({u: common.pooled for u in range(2)}, 3.0) is None
-
-
-def test_a_copy_of_a_tracker_goes_on_by_itself():
-    """Whatever scans a copy takes, the original has the same bits as one that was never copied; and the reverse."""
-    rng, subjects = np.random.default_rng(4), [Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION)) for _ in range(2)]
-    copies = []
-    for k in range(25):
-        seen = rng.uniform(-8, 8, (3, 2)) if k % 3 else np.tile([[1.0, 2.0], [4.0, -3.0]], (2, 1)) + 0.1 * k
-        copies.append((subjects[0].copy(), deepcopy(subjects[0])))
-        for one, other in copies:
-            for each in (one, other):
-                each.step(scan_of(k, *(np.array(seen) + 0.3)))
-                fuse([each], np.zeros((1, 1), bool), 1)
-            assert told(one) == told(other)
-        for subject in subjects:
-            subject.step(scan_of(k, *seen))
-            fuse([subject], np.zeros((1, 1), bool), 1)
-        assert told(subjects[0]) == told(subjects[1])
-    assert max(len(subject.tracks) for subject, _ in copies) > 2
-
-
-def told(tracker):
-    return [(t.id, t.belief.mean.tobytes(), t.existence, t.sighting.tobytes()) for t in tracker.tracks]

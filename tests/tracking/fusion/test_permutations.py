@@ -68,25 +68,11 @@ def same(a: list[np.ndarray], b: list[np.ndarray]) -> None:
         np.testing.assert_allclose(x, y, rtol=1e-9, atol=1e-9)
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
-@given(seed=seeds, ids=st.permutations(PLAIN[0]))
-def test_the_order_of_tracks_does_not_matter(seed, ids):
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(seed=seeds, ids=st.permutations(PLAIN[0]), uavs=st.permutations(PLAIN[1]))
+def test_the_order_of_tracks_of_detections_and_of_uavs_does_not_matter(seed, ids, uavs):
     scene = Scene(seed)
-    same(scene.play(ids, PLAIN[1]), scene.play(*PLAIN))
-
-
-@settings(max_examples=15, deadline=None, derandomize=True)
-@given(seed=seeds)
-def test_the_order_of_detections_does_not_matter(seed):
-    scene = Scene(seed)
-    same(scene.play(*PLAIN, np.random.default_rng(seed)), scene.play(*PLAIN))
-
-
-@settings(max_examples=15, deadline=None, derandomize=True)
-@given(seed=seeds, uavs=st.permutations(PLAIN[1]))
-def test_the_order_of_uavs_does_not_matter(seed, uavs):
-    scene = Scene(seed)
-    same(scene.play(PLAIN[0], uavs), scene.play(*PLAIN))
+    same(scene.play(ids, uavs, np.random.default_rng(seed)), scene.play(*PLAIN))
 
 
 def test_the_scenes_hold_what_the_order_could_upset():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tracking.geometry.line_of_sight import is_blocked, make_grid
+from tracking.geometry.line_of_sight import is_blocked
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.compiled import compiled
@@ -67,43 +67,11 @@ def test_culling_changes_no_line_of_sight(trees, occlusion):
     assert (hidden > 20) == (trees > 0)
 
 
-@pytest.mark.slow
-def test_culling_changes_none_of_a_million_lines_of_sight():
-    rng = np.random.default_rng(0)
-    pairs = hidden = 0
-    for _ in range(60):
-        forest = scene(rng, 75, 50.0)
-        for kind in ("above", "anywhere", "outside", "horizon", "rounded"):
-            cameras, points = segments(rng, kind, 50.0)
-            free = forest.visible(cameras, points)
-            np.testing.assert_array_equal(free, exhaustive(cameras, points, forest.blockers))
-            pairs, hidden = pairs + free.size, hidden + np.sum(~free)
-    assert pairs >= 1_000_000 and hidden > 100_000
-
-
 def test_what_is_not_a_number_is_answered_as_without_culling():
     forest = scene(np.random.default_rng(1), 20, 20.0)
     cameras, points = segments(np.random.default_rng(2), "anywhere", 20.0)
     cameras[:9] = np.where(np.arange(27).reshape(9, 3) % 4 == 0, np.nan, cameras[:9])
     np.testing.assert_array_equal(forest.visible(cameras, points), exhaustive(cameras, points, forest.blockers))
-
-
-def test_lists_hold_every_near_cylinder_and_grow_with_a_forests_density():
-    rng = np.random.default_rng(3)
-    cylinders = scene(rng, 40, 40.0).cylinders
-    grid = make_grid(cylinders)
-    for cell in range(grid.rows * grid.columns):
-        corner = np.array(grid.low[:2]) + grid.cell * np.array([cell % grid.columns, cell // grid.columns])
-        gap = np.hypot(*np.maximum(np.abs(cylinders[:, :2] - corner - grid.cell / 2) - grid.cell / 2, 0.0).T)
-        listed = np.sort(grid.members[grid.starts[cell] : grid.starts[cell + 1]])
-        np.testing.assert_array_equal(listed, np.flatnonzero(gap <= cylinders[:, 2] + 2.0 + 2e-6))
-
-    def length(trees, span):
-        grid = make_grid(scene(np.random.default_rng(4), trees, span).cylinders)
-        return grid.starts[-2] / (len(grid.starts) - 2)
-
-    assert length(1200, 4 * 61.2) == pytest.approx(length(75, 61.2), rel=0.15)
-    assert length(300, 61.2) == pytest.approx(4 * length(75, 61.2), rel=0.15)
 
 
 def test_a_grid_over_trees_far_apart_stays_small_and_exact():

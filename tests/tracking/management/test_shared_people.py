@@ -12,7 +12,6 @@ from tracking.fusion.consensus import fuse
 from tracking.fusion.message import new_id
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.deletion import find_duplicates, find_outcompeted
-from tracking.measurement_update import _compute_unresolved_probability
 from tracking.track import Track
 
 PAIR = np.ones((2, 2), bool)
@@ -82,28 +81,6 @@ def test_a_joint_track_exists_for_certain_at_most():
     assert [(t.id, t.existence) for t in subject.tracks] == [(3, 1.0)]
 
 
-def test_people_within_a_metre_may_give_one_measurement():
-    means = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0], [9.0, 0, 0, 0]])
-    near = 0.12 * np.exp(-0.5)
-    np.testing.assert_allclose(
-        _compute_unresolved_probability(means, np.array([1.0, 0.5, 1.0])), [near / 2, near, 0.0], atol=1e-12
-    )
-    assert _compute_unresolved_probability(means[:1], np.ones(1)).tolist() == [0.0]
-
-
-def fed_apart(**settings) -> list[tuple[int, ...]]:
-    """Ids over four seconds, in which each of two UAVs measures one person nearer to another of two tracks."""
-    trackers = fleet(2, track(3, 0, 0.1, 1, 0), track(4, 0, -0.1, 1, 0), **settings)
-    held = []
-    for k in range(20):
-        for t, side in zip(trackers, (0.08, -0.08), strict=True):
-            t.step(scan(k, (0.2 * k, side), uav=t.uav))
-        fuse(trackers, PAIR, 5)
-        assert len(set(ids(trackers))) == 1
-        held.append(ids(trackers)[0])
-    return held
-
-
 def shared_for(seed: int, **settings) -> float:
     """Seconds for which two UAVs that measure one person with noise hold two tracks of this person; at most ten."""
     trackers, rng = fleet(2, track(3, 0, 0.1, 1, 0), track(4, 0, -0.1, 1, 0), **settings), np.random.default_rng(seed)
@@ -121,10 +98,6 @@ def test_one_of_two_noisy_tracks_of_a_person_ends_within_two_seconds():
     assert np.median(times) < 1.3 and times.max() < 2.1
     times = np.array([shared_for(seed, management="m_of_n") for seed in range(60)])
     assert np.median(times) < 0.9 and times.max() < 10.0
-
-
-def test_two_uavs_do_not_feed_a_track_each_of_one_person():
-    assert fed_apart()[7:] == [(3,)] * 13 and fed_apart(management="m_of_n")[7:] == [(3,)] * 13
 
 
 def test_a_measurement_is_a_hit_of_one_track():

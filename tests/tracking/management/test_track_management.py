@@ -4,19 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, MOTION, OPEN, R, play, scan, track, tracker
+from helpers.scenes import ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
 
-from sim.mission.tracker_setup import make_tracker_parameters
-from sim.scenario.scenario import Scenario
-from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
-from tracking.filter.motion import make_motion_model
 from tracking.fusion.consensus import fuse
 from tracking.fusion.message import IDS_PER_SCAN, new_id
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.management.initiation import initiate_tracks
-from tracking.parameters import TrackerParameters, Tracking
+from tracking.parameters import TrackerParameters
 from tracking.tracker import Tracker
 
 BOTH = pytest.mark.parametrize("management", ["m_of_n", "existence"])
@@ -39,13 +34,6 @@ def test_of_more_births_than_labels_the_rest_begins_in_the_next_scan():
     first, second = play(subject, [scan(k, *places) for k in range(2)])
     assert first == tuple(new_id(1, 0, k) for k in range(half))
     assert second == (*first, *(new_id(2, 0, k) for k in range(3)))
-
-
-@pytest.mark.parametrize(("apart", "confirmed"), [(6, True), (7, False)])
-def test_a_tentative_track_ends_after_a_second_without_a_measurement(apart, confirmed):
-    subject = tracker()
-    ids = play(subject, [scan(0, (0, 0)), *(scan(k, pose=AWAY) for k in range(1, apart)), scan(apart, (0, 0))])
-    assert bool(ids[-1]) == confirmed
 
 
 @pytest.mark.parametrize(("misses", "confirmed"), [(1, True), (2, False)])
@@ -76,34 +64,6 @@ def test_a_person_with_a_track_gets_no_second_one():
     assert play(subject, [scan(k, (0, 0)) for k in range(6)]) == [(3,)] * 6
 
 
-def test_a_measurement_of_a_tentative_track_starts_no_other():
-    p, z = TrackerParameters(MOTION, management="m_of_n", confirm=(3, 3)), np.zeros((1, 2))
-    view, tentative = {"forest": OPEN, "lens": CAMERA.lens(ABOVE)}, []
-    for k in range(3):
-        confirmed, tentative = initiate_tracks(tentative, z, R[None], time=0.2 * k, elapsed=k and 1, **view, p=p)
-        assert (len(confirmed), len(tentative)) == ((0, 1) if k < 2 else (1, 0))
-
-
-@BOTH
-def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(management):
-    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), management=management)
-    play(subject, [scan(k) for k in range(7)])
-    ids = play(subject, [scan(k, (8.0, 8.0)) for k in range(7, 10)])
-    assert len(ids[-1]) == 2 and ids[-1][0] == 3
-
-
-@BOTH
-@pytest.mark.parametrize("kind", ["ncv", "mean-reverting"])
-def test_crossing_people_keep_their_ids(management, kind):
-    rng = np.random.default_rng(0)
-    parameters = TrackerParameters(make_motion_model(kind, 0.2, 0.5, 3.0, 1.6), management=management)
-    subject = Tracker(0, CAMERA, OPEN, parameters, (track(1, -4.8, 2.8, 1.2, -0.7), track(2, -4.8, -2.8, 1.2, 0.7)))
-    for k in range(41):
-        people = np.array([[-4.8 + 0.24 * k, 2.8 - 0.14 * k], [-4.8 + 0.24 * k, -2.8 + 0.14 * k]])
-        assert play(subject, [scan(k, *(people + rng.normal(scale=0.15, size=(2, 2))))]) == [(1, 2)]
-    np.testing.assert_allclose([t.belief.mean[:2] for t in subject.tracks], people, atol=0.5)
-
-
 @BOTH
 def test_two_people_detected_at_once_get_two_lasting_tracks(management):
     rng = np.random.default_rng(1)
@@ -121,16 +81,6 @@ def test_only_scans_that_should_have_shown_the_person_count(place, counts, manag
     subject = tracker(track(3, *place, 0, 0, variance=0.01), negative_information=0.0, management=management)
     ids = play(subject, [scan(k) for k in range(5)])
     assert ids[3] == (3,) and (ids[4] == ()) == counts
-
-
-def test_a_trunk_between_camera_and_person_makes_a_scan_not_count():
-    # Seen from the west at a low angle, the trunk's 3 m hide what stands behind it.
-    low, behind = Pose.level(-9.0, 0.0, 20.0), track(3, 0.6, 0, 0, 0, variance=1e-4)
-    trunk = Forest((Tree(0, 0, 0.2, trunk_radius=0.2),))
-    assert play(tracker(behind, forest=trunk, negative_information=0.0), [scan(k, pose=low) for k in range(5)])[-1] == (
-        3,
-    )
-    assert play(tracker(behind, negative_information=0.0), [scan(k, pose=low) for k in range(5)])[-1] == ()
 
 
 def test_scans_without_a_frame_count_neither_way():
@@ -202,10 +152,3 @@ def test_a_frame_that_the_association_has_used_is_not_sent():
         subject = tracker(track(3, EDGE, 0, 0, 0))
         subject.step(scan(0, *points))
         assert (subject.message(0).views[0, 0] == 0) == used
-
-
-def test_the_motion_of_a_scenario_is_what_it_says():
-    walking = Scenario(tracking=Tracking(walking_speed=1.2))
-    assert make_tracker_parameters(walking).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.2)
-    plain = Scenario(tracking=Tracking(motion="ncv", sigma_a=0.6))
-    assert make_tracker_parameters(plain).motion == NearlyConstantVelocity(0.2, 0.6)

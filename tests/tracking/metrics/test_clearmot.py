@@ -1,6 +1,5 @@
 """Correspondence, identity switches and fragmentations, by cases made by hand."""
 
-import itertools
 import math
 
 import numpy as np
@@ -91,24 +90,6 @@ def test_matches_switches_and_fragmentations_are_those_counted_by_hand(people, t
     found = find_correspondence(paths(*tracks), people, 1.0)
     assert found.tolist() == matches and count_switches(found).tolist() == switched
     assert count_fragmentations(found, ~np.isnan(people[..., 0])).tolist() == broken
-
-
-def test_pairs_of_a_scan_are_as_many_then_as_near_as_possible():
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        tracks, people = (rng.uniform(0, 4, (1, int(rng.integers(0, 5)), 2)) for _ in range(2))
-        found = find_correspondence(tracks, people, 1.0)[0]
-        gaps = np.linalg.norm(tracks[0][:, None] - people[0][None], axis=2)
-        best = min(
-            (-sum(g <= 1.0 for g in chosen), sum(g for g in chosen if g <= 1.0))
-            for chosen in (
-                [gaps[a, m] for m, a in enumerate(order) if a >= 0]
-                for order in itertools.product(range(-1, len(tracks[0])), repeat=len(people[0]))
-                if len({a for a in order if a >= 0}) == sum(a >= 0 for a in order)
-            )
-        )
-        held = np.flatnonzero(found >= 0)
-        assert -len(held) == best[0] and gaps[found[held], held].sum() == pytest.approx(best[1])
 
 
 def test_order_does_not_matter_and_invalid_arguments_are_refused():

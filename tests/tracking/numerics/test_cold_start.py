@@ -93,20 +93,6 @@ def test_code_is_kept_in_the_first_folder_that_can_be_written(tmp_path, monkeypa
     assert found == [tmp_path / "named", site / "__pycache__", user, temporary]
 
 
-def test_code_that_only_its_owner_can_write_is_read(places, tmp_path):
-    owners, mine = tmp_path / "owners", tmp_path / "mine"
-    mine.mkdir()
-    places([owners], [owners])
-    assert subject.compiled(twice)(21) == 42 and subject.not_kept == [] and list(owners.rglob("*.nbc"))
-    places([owners, mine], [mine])
-    said = []
-    with announce_compilation(said.append):
-        assert subject.compiled(twice)(21) == 42
-    assert said == [] and [p.relative_to(mine) for p in mine.rglob("*.nbc")] == [
-        p.relative_to(owners) for p in owners.rglob("*.nbc")
-    ]
-
-
 @pytest.mark.parametrize("holder", ["NUMBA_CACHE_DIR", "installation"])
 @pytest.mark.parametrize("home", [None, "nowhere"])
 def test_code_that_is_there_is_read_where_only_temporary_files_can_be_written(

@@ -86,18 +86,6 @@ def test_above_people_who_are_known_it_is_the_kalman_filter_of_a_drift():
         np.testing.assert_allclose(registration.covariance[:2, :2], variance * np.eye(2), rtol=0, atol=1e-9)
 
 
-def test_errors_return_to_their_prior_without_measurements():
-    registration = make_registration(NAVIGATION["gnss"], "estimate", known=True)
-    prior, nothing = registration.covariance.copy(), (np.zeros((0, 2)), np.zeros((0, 2, 2)))
-    registration.correct(Scan(0, 0.0, ABOVE, *nothing))
-    registration.errors, registration.covariance = np.ones(7), 0.01 * prior
-    registration.correct(Scan(0, 1e5, ABOVE, *nothing))
-    drifts = [0, 1, 2]
-    np.testing.assert_allclose(registration.errors[drifts], 0.0, atol=1e-9)
-    np.testing.assert_allclose(np.diag(registration.covariance)[drifts], np.diag(prior)[drifts], rtol=1e-6)
-    assert registration.errors[6] == 1.0
-
-
 @pytest.mark.parametrize(("seconds", "least"), [(40, 0.97), (300, 0.55)])
 def test_angles_with_a_bias_and_a_drift_are_forgotten_no_later_than_they_change(seconds, least):
     """And in a mission of 40 s hardly sooner."""

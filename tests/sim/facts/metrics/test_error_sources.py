@@ -6,7 +6,7 @@ from helpers.recordings import bare, broken
 
 from sim.facts.metrics.fleet_facts import SOURCES, find_error_sources
 from sim.facts.metrics.metric import Outcome
-from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import gospa
 
 MISS = 50.0  # m²
 NEAR, FAR_OFF, GHOST = (0.5, 0.0, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0), (80.0, 0.0, 0.0, 0.0)

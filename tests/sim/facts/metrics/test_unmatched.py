@@ -12,7 +12,7 @@ from sim.facts.metrics.holding import FAR, find_holding
 from sim.facts.metrics.score import find_reported_tracks
 from sim.facts.metrics.unmatched import find_unmatched_tracks
 from tracking.metrics.clearmot import find_correspondence
-from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import gospa
 
 YOUNG = 6  # scans in the first second of a track, both ends included
 

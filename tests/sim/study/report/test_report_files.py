@@ -13,7 +13,7 @@ from helpers.trials import failed, row, study
 
 from planning.planner_loading import load_planner
 from sim.__main__ import COMMANDS
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.study.analysis.answers import Difference
 from sim.study.analysis.intervals import Estimate, compute_p_values, count_maps_needed, estimate_means
 from sim.study.analysis.metric_choice import find_shown_metric
@@ -90,7 +90,7 @@ def test_commands_fly_the_maps_that_they_stand_for_best_and_worst(page):
         assert words[:3] == ["understory", "run", "forest"]
         options, values = words[3::2], words[4::2]
         assert set(options) == {"--planner", "--seed", "--set"} <= known
-        setting = load("forest", [v for o, v in zip(options, values, strict=True) if o == "--set"])
+        setting = load_scenario("forest", [v for o, v in zip(options, values, strict=True) if o == "--set"])
         assert (setting.trees.density, setting.sensing.mode, setting.duration) == (75.0, "ideal", 10.0)
         planner = values[options.index("--planner")]
         if not planner.startswith("mylab."):

@@ -19,10 +19,10 @@ from sim.__main__ import COMMANDS
 from sim.facts.flight import Flight, find_scans
 from sim.facts.metrics.holding import HOLDS
 from sim.facts.people import BROKEN, STATES, PeopleFacts
-from sim.mission.fault_text import encode_faults
+from sim.mission.recording import encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.settings_text import list_changes
 from sim.sensing.fault import Fault
@@ -180,7 +180,7 @@ def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, missi
 
 
 def test_replay_makes_the_page_of_the_run_again(tmp_path, call, refused):
-    setting = load("forest", ["duration=0.6", "people.count=2", "trees.density=5"])
+    setting = load_scenario("forest", ["duration=0.6", "people.count=2", "trees.density=5"])
     run_mission(Trial(setting, "hover", 2), tmp_path / "out")
     text = (tmp_path / "out" / "mission.html").read_text()
     assert len(data_of(text)["times"]) == 4
