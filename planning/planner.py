@@ -51,6 +51,10 @@ class Plan:
         """Bytes of the message: sender, time, position, velocity and controls, eight for each number."""
         return 8 * (7 + np.size(self.controls))
 
+    def after(self, steps: int) -> "Plan":
+        """The rest of the plan after so many steps, maybe without controls, and without plans of others."""
+        return Plan(self.controls[steps:])
+
 
 @dataclass(frozen=True)
 class Exchange:

@@ -52,7 +52,7 @@ def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
     flight = Flight(recording)
     scenes = SceneMaker(recording.setting, recording.track_numbers)
     events = list(flight.events) if truth else []
-    odometry = {ros.BODY: _find_believed_bodies(recording)} | ({ros.TRUE_BODY: recording.poses} if truth else {})
+    odometry = {ros.BODY: recording.believed_bodies} | ({ros.TRUE_BODY: recording.poses} if truth else {})
     with ros.RosBag(folder) as bag, ExitStack() as stack:
         # A flight from elsewhere has images of its own, which a recording does not contain.
         again = stack.enter_context(Rerenderer(recording)) if recording.frames is None else None
@@ -82,24 +82,6 @@ def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
                 bag.write(ros.PEOPLE, time, draw_people(scene))
                 _write_errors(bag, snapshot)
         _write_events(bag, events)
-
-
-def _find_believed_bodies(recording: Recording) -> Array:
-    """Poses (K, n, 7) of the bodies as UAVs believe them: moved and turned from the true ones as their cameras."""
-    if recording.believed is None:
-        return recording.poses
-    own, true, believed = (rows.reshape(-1, 7) for rows in (recording.poses, recording.cameras, recording.believed))
-    back = true[:, 3:] * (-1.0, -1.0, -1.0, 1.0)  # the inverse turn
-    turned = _multiply(_multiply(believed[:, 3:], back), own[:, 3:])
-    return np.hstack([own[:, :3] + believed[:, :3] - true[:, :3], turned]).reshape(recording.poses.shape)
-
-
-def _multiply(p: Array, q: Array) -> Array:
-    """Products (N, 4) of quaternions xyzw (N, 4), without the rounding by which scipy normalises them."""
-    (a, b, c, d), (x, y, z, w) = p.T, q.T
-    east = d * x + a * w + b * z - c * y
-    north = d * y - a * z + b * w + c * x
-    return np.column_stack([east, north, d * z + a * y - b * x + c * w, d * w - a * x - b * y - c * z])
 
 
 def _list_frames(recording: Recording, k: int, bodies: Array) -> list[ros.RosMessage]:

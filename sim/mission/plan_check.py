@@ -103,5 +103,5 @@ def copy_situation(situation: Situation) -> Situation:
 
 def _shift(plan: Plan | None) -> Plan:
     """The rest of a plan after its first control; a hovering step if nothing is left."""
-    rest = np.zeros((0, 2)) if plan is None else plan.controls[1:]
-    return Plan(rest if len(rest) else np.zeros((1, 2)))
+    rest = None if plan is None else plan.after(1)
+    return rest if rest and len(rest.controls) else Plan(np.zeros((1, 2)))

@@ -19,6 +19,7 @@ from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS, Contact
 from tracking.errors import InputError, one_line
 from tracking.geometry.camera import Pose
+from tracking.geometry.quaternions import multiply
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import UNLIKELY, Scan, Track, make_tracks
@@ -181,6 +182,16 @@ class Recording:
     def believed_cameras(self) -> Array:
         """Poses (K, n, 7) that UAVs believe their cameras to have."""
         return self.cameras if self.believed is None else self.believed
+
+    @cached_property
+    def believed_bodies(self) -> Array:
+        """Poses (K, n, 7) that UAVs believe their bodies to have: moved and turned from the true ones as cameras."""
+        if self.believed is None:
+            return self.poses
+        own, true, believed = (rows.reshape(-1, 7) for rows in (self.poses, self.cameras, self.believed))
+        back = true[:, 3:] * (-1.0, -1.0, -1.0, 1.0)  # the inverse turn
+        turned = multiply(multiply(believed[:, 3:], back), own[:, 3:])
+        return np.hstack([own[:, :3] + believed[:, :3] - true[:, :3], turned]).reshape(self.poses.shape)
 
     def believed_camera_at(self, k: int, uav: int) -> Pose:
         """Pose of the camera of one UAV at scan k, as the UAV believes it."""

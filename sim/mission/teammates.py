@@ -97,7 +97,7 @@ class Teammates:
             elif self._contact[i, j] and j in plans[i].others:
                 self._known[i, j] = _Teammate(self._fleet[j], Plan(plans[i].others[j]))
             elif known:
-                self._known[i, j] = known._replace(plan=Plan(known.plan.controls[1:]))
+                self._known[i, j] = known._replace(plan=known.plan.after(1))
         return self._count_bytes(plans)
 
     def _count_bytes(self, plans: Mapping[int, Plan]) -> Indices:
@@ -161,7 +161,7 @@ class LateTeammates(Teammates):
                 vehicle = report.vehicle
                 for n in range(steps):
                     vehicle = vehicle_after(vehicle, plan[n] if n < len(plan) else vehicle.velocity, step)
-                told = expected[pair].plan if pair in expected and not len(plan) else Plan(plan[steps - 1 :])
+                told = expected[pair].plan if pair in expected and not len(plan) else report.plan.after(steps - 1)
                 self._known[pair] = _Teammate(vehicle, told)
 
     def send(self, plans: Mapping[int, Plan]) -> Indices:

@@ -90,7 +90,7 @@ class UavMark(NamedTuple):
 
 
 class PersonLook(NamedTuple):
-    """The look of a person's mark: a disc, hollow if something hides the person, in a ring if no UAV holds them."""
+    """The look of a person's mark: a disc in a ring if no UAV holds them; hollow if no frame shows whom it should."""
 
     colour: Colour
     hollow: bool

@@ -94,6 +94,14 @@ def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
     return out
 
 
+def multiply(p: Array, q: Array) -> Array:
+    """Products (N, 4) of quaternions (N, 4), without the rounding by which scipy normalises them."""
+    (a, b, c, d), (x, y, z, w) = p.T, q.T
+    east = d * x + a * w + b * z - c * y
+    north = d * y - a * z + b * w + c * x
+    return np.column_stack([east, north, d * z + a * y - b * x + c * w, d * w - a * x - b * y - c * z])
+
+
 def mean_spin(a: Array, b: Array, elapsed: float) -> Array:
     """Angular velocity (3,) rad/s, in the world frame, from an attitude (4,) to one that is little turned from it."""
     # Vector and scalar of the turn b a*; twice the vector is the angle, if that is small.

@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from sim.facts.flight import Flight
-from sim.facts.metrics.score import owners_of
+from sim.facts.metrics.score import find_owners_at
 from sim.facts.rerender import Rerenderer
 from sim.facts.sightings import Sighting, find_sightings, tell_pose_error
 from sim.facts.tracking_replay import replay_tracking
@@ -85,17 +85,18 @@ class Observer(ExitStack):
     def _owners(self, k: int, uav: int) -> Indices:
         """The person (N,) of each measurement of one UAV at scan k; -1 for a false alarm.
 
-        With rendered frames, pixels of detections decide as in flight; in ideal sensing, it is the nearest person.
+        With rendered frames, pixels of detections decide as in flight. In ideal sensing, it is the nearest person, as
+        in metrics.
         """
         recording = self.recording
-        z = self.recording.scan_at(k, uav).measurements
-        seen, found = np.flatnonzero(recording.matched[k, uav]), np.full(len(z), -1)
-        if len(seen) and self._renders(k, uav):
-            mask = self.again.rendered(k, uav).people
-            rows = match_detections(recording.pixels_at(k, uav), mask, recording.person_count)[seen]
+        if not self._renders(k, uav):
+            return find_owners_at(recording, k, uav)[0]
+        seen = np.flatnonzero(recording.matched[k, uav])
+        pixels = recording.pixels_at(k, uav)
+        found = np.full(len(recording.scan_at(k, uav).measurements), -1)
+        if len(seen):
+            rows = match_detections(pixels, self.again.rendered(k, uav).people, recording.person_count)[seen]
             found[rows[rows >= 0]] = seen[rows >= 0]
-        else:
-            found = owners_of(z, recording.people[k], seen)
         return found
 
     def _found(self, k: int, uav: int, person: int, owners: Indices) -> PersonMeasurement | None:

@@ -97,5 +97,5 @@ def make_vehicle(recording: Recording, k: int, uav: int) -> Vehicle:
     """
     own = recording.poses[:, uav]
     velocity = (own[k, :2] - own[max(k - 1, 0), :2]) * recording.setting.rates.sensing
-    body = Pose(recording.believed_cameras[k, uav, :3], own[k, 3:])  # a camera is where its UAV is
-    return vehicle_of(uav, body, velocity, recording.setting)
+    body = recording.believed_bodies[k, uav]
+    return vehicle_of(uav, Pose(body[:3], body[3:]), velocity, recording.setting)

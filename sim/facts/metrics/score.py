@@ -84,16 +84,21 @@ def owners_of(measurements: Array, people: Array, detected: Indices) -> Indices:
 @lru_cache(maxsize=1)  # because each UAV's score asks for the same
 def _find_owners(recording: Recording) -> tuple[Indices, Array]:
     """Index (D,) of the person of each measurement, -1 for a false alarm, and the measurements from true poses."""
-    scans, uavs, _ = recording.matched.shape
     found, places = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))]
-    for k, i in product(range(scans), range(uavs)):
-        detected, scan = np.flatnonzero(recording.matched[k, i]), recording.scan_at(k, i)
-        z = scan.measurements
-        if recording.believed is not None:
-            z = move_to_believed(z, scan.pose, recording.camera_at(k, i))
+    for k, i in product(range(recording.scan_count), range(recording.uav_count)):
+        owners, z = find_owners_at(recording, k, i)
+        found.append(owners)
         places.append(z)
-        found.append(owners_of(z, recording.people[k], detected))
     return np.concatenate(found), np.concatenate(places)
+
+
+def find_owners_at(recording: Recording, k: int, uav: int) -> tuple[Indices, Array]:
+    """As `_find_owners`, of one UAV's measurements at scan k."""
+    scan = recording.scan_at(k, uav)
+    z = scan.measurements
+    if recording.believed is not None:
+        z = move_to_believed(z, scan.pose, recording.camera_at(k, uav))
+    return owners_of(z, recording.people[k], np.flatnonzero(recording.matched[k, uav])), z
 
 
 def _find_tracks_by_detections(recording: Recording, believed: ReportedTracks) -> Indices:
