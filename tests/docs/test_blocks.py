@@ -22,7 +22,7 @@ TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.
 # The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
 NAMES = (
     "index",
-    *(f"how-to/{name}" for name in ("planners", "replay", "trackers", "wrapping")),
+    *(f"how-to/{name}" for name in ("planners", "trackers", "wrapping")),
     *(f"explanation/{name}" for name in ("equations", "frames-to-tracks", "rivals")),
     *(f"reference/{name}" for name in ("api", "metrics", "planners")),
 )
@@ -55,6 +55,14 @@ def test_a_pages_blocks_run(name, shell):
     names = shell.execute(text_of(name), name)
     if test := names.get("test_it_conforms"):
         test()
+
+
+@pytest.mark.docs
+def test_the_commands_on_replay_run(shell, tmp_path):
+    shell.execute(text_of("how-to/replay"), "replay.md", {"run": ["--duration", "3"]})
+    run = tmp_path / "runs" / "short"
+    assert (run / "replay.mp4").stat().st_size == (run / "mission.mp4").stat().st_size
+    assert (tmp_path / "uav1.mp4").is_file()
 
 
 @pytest.mark.docs
