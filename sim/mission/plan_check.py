@@ -17,7 +17,7 @@ from tracking.plugins.plugin_error import PluginError, plugin_call
 from tracking.plugins.result_check import Form
 from tracking.track import Track
 
-_VELOCITY, _NAMED = Form((2,)), "velocity components"  # what a caller may give in place of a plan
+_VELOCITY = Form((2,))  # what a caller may give in place of a plan
 
 
 def ask_planner(
@@ -70,6 +70,11 @@ def check_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tup
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
         plans.append(_limit(plan, situation, faults))
     return plans, faults
+
+
+def _read_velocity(given: object) -> Plan:
+    """A plan of one step with a velocity (2,) m/s."""
+    return Plan(_VELOCITY.check("velocity components", given)[None])
 
 
 def _limit(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
