@@ -8,10 +8,11 @@ import numpy as np
 from sim.exchange.csv_files import read_cameras, read_detections, read_forest, read_poses
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
-from sim.exchange.ros_flight import find_bag, read_bag
+from sim.exchange.ros_flight import BagFlight, find_bag, read_bag
 from sim.exchange.values import CameraFrames, LoggedFlight, LoggedFrame, LoggedUav, PoseLog, find_gap
 from tracking.errors import InputError, list_numbers, spell
 from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array
 
 _LIKELY = ((1e7, "nanoseconds"), (1e4, "microseconds"), (20.0, "milliseconds"))  # with as many s between frames
 _FARTHEST = 9_000.0  # m, of places from the origin
@@ -41,19 +42,19 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str) -> Logg
 
     detector: name of what finds people if the flight has images in place of detections.
     """
-    if not folder.is_dir():
-        raise InputError(f"FLIGHT: {folder} is not a folder; expected one with poses.csv and detections.csv, or a bag")
-    logged = None if (folder / "poses.csv").exists() else find_bag(folder)
-    bag = read_bag(logged) if logged else {}
-    own = folder / "cameras.csv"
-    cameras = {i: uav.camera for i, uav in bag.items()} if bag and not own.exists() else read_cameras(own)
-    poses = {i: uav.poses for i, uav in bag.items()} or read_poses(folder / "poses.csv")
+    if not folder.is_dir() and find_bag(folder) is None:
+        expected = "expected a folder with poses.csv and detections.csv, or a bag of ROS 2"
+        raise InputError(f"FLIGHT: {folder} is not a folder; {expected}")
     read = next((read for name, read in _FORMATS.items() if any(folder.glob(name))), None)
-    if read is None and bag:
-        found = {i: CameraFrames(uav.frames) for i, uav in bag.items()}
-    else:
-        known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
-        found = (read or _FORMATS["detections.csv"])(folder, known, detector)
+    cameras_file, poses_file = folder / "cameras.csv", folder / "poses.csv"
+    there = {"cameras": cameras_file.exists(), "poses": poses_file.exists(), "detections": read is not None}
+    lacking = [part for part, found in there.items() if not found]
+    logged = find_bag(folder) if lacking else None
+    bag = read_bag(logged, lacking) if logged else BagFlight({}, {}, {}, [])
+    cameras = bag.cameras or read_cameras(cameras_file)
+    poses = bag.poses or read_poses(poses_file)
+    known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
+    found = bag.frames or (read or _FORMATS["detections.csv"])(folder, known, detector)
     for name, numbers in (("its poses", {*poses}), ("its detections", {*found})):
         if odd := sorted(numbers ^ {*cameras}):
             raise InputError(f"FLIGHT: {folder}: only one of {name} and its cameras has {list_numbers('UAV', odd)}")
@@ -70,11 +71,12 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str) -> Logg
         size = found[i].size
         camera = cameras[i] if size is None else cameras[i].fit(size, f"FLIGHT: {folder}, UAV {i}")
         later = camera.clock_offset - start
-        moved = PoseLog(poses[i].times + later, poses[i].rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
+        moved = PoseLog(_delay(poses[i].times, later), poses[i].rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
         frames = [_shift(frame, later, origin) for frame in found[i].frames]
         people = [_shift(frame, later, origin) for frame in found[i].people]
         uavs.append(LoggedUav(camera, moved, frames, people))
-    flight = LoggedFlight(uavs, _read_trees(folder, origin), start, origin, _find_labels(folder, found))
+    labels = _find_labels(folder, found)
+    flight = LoggedFlight(uavs, _read_trees(folder, origin), start, origin, labels, tuple(bag.remarks))
     far = flight.places[np.abs(flight.places).max(axis=1) > _FARTHEST]
     if len(far):
         x, y = (np.array(origin) + far[0]).round(-2).tolist()
@@ -100,4 +102,9 @@ def _find_labels(folder: Path, found: Mapping[int, CameraFrames]) -> Path | None
 def _shift(frame: LoggedFrame, later: float, origin: tuple[float, float]) -> LoggedFrame:
     x, y = origin
     moved = [found._replace(place=(found.place[0] - x, found.place[1] - y)) for found in frame.detections]
-    return LoggedFrame(frame.time + later, frame.where, moved)
+    return LoggedFrame(float(_delay(np.array(frame.time), later)), frame.where, moved)
+
+
+def _delay(times: Array, later: float) -> Array:
+    """Times [s], so much [s] later; to the nanosecond, as a stamp less the first one is not exact."""
+    return (times + later).round(9) if later else times

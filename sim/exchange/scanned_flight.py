@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.exchange.flight_files import read_files
 from sim.exchange.flight_setting import EXACT, make_setting
-from sim.exchange.values import LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
+from sim.exchange.values import POSE_GAP, LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
@@ -27,7 +27,6 @@ from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.track import Scan
 
-_POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
 
 
@@ -141,7 +140,7 @@ def _place_on_scans(
             observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
             lost += len(frame.detections) - len(observed[k, i].scan.measurements)
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i])
-    remarks = [*_remark(flight, rate, rounded, lost)]
+    remarks = [*flight.remarks, *_remark(flight, rate, rounded, lost)]
     remarks += [] if sigma else _remark_on_covariances(flight, [found.scan for found in observed.values()])
     forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))
@@ -149,12 +148,10 @@ def _place_on_scans(
 
 def _check_pose_times(log: PoseLog, times: Array, uav: int, start: float) -> None:
     """InputError if a frame has no pose of its UAV near its time [s]."""
-    near = np.searchsorted(log.times, times)
-    before, after = log.times[np.maximum(near - 1, 0)], log.times[np.minimum(near, len(log.times) - 1)]
-    gaps = np.minimum(np.abs(times - before), np.abs(times - after))
-    if len(gaps) and gaps.max() > _POSE_GAP:
+    gaps = log.distances(times)
+    if len(gaps) and gaps.max() > POSE_GAP:
         at, first, last = (spell(start + time) for time in (times[gaps.argmax()], *log.times[[0, -1]]))
-        far = f"UAV {uav} has a frame at {at} s, but no pose within {_POSE_GAP:g} s"
+        far = f"UAV {uav} has a frame at {at} s, but no pose within {POSE_GAP:g} s"
         raise InputError(f"poses: {far}; its poses are from {first} to {last} s; are both in seconds, of one clock?")
 
 

@@ -27,6 +27,7 @@ STATE = ("x", "y", "vx", "vy")  # m, m/s
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
 TRACK = ("time", "uav", "id", *STATE, *COVARIANCE, "existence")
 _NOWHERE = (math.nan, math.nan)
+POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
 
 
 class PoseLog(NamedTuple):
@@ -39,6 +40,16 @@ class PoseLog(NamedTuple):
         """Poses (N, 7) at times (N,) s, interpolated; the first and the last one also hold before and after."""
         return interpolate_poses(self.times, self.rows, np.clip(times, *self.times[[0, -1]]))
 
+    def distances(self, times: Array) -> Array:
+        """Time (N,) s from each of the times (N,) s to the nearest pose."""
+        near = np.searchsorted(self.times, times)
+        before, after = self.times[np.maximum(near - 1, 0)], self.times[np.minimum(near, len(self.times) - 1)]
+        return np.asarray(np.minimum(np.abs(times - before), np.abs(times - after)))
+
+    def covers(self, times: Array) -> Flags:
+        """Mask (N,) of the times (N,) s that are not before the first pose or after the last one."""
+        return np.asarray((self.times[0] <= times) & (times <= self.times[-1]))
+
 
 class LoggedDetection(NamedTuple):
     """One detection, on the ground or in the image; NaN for what is not known."""
@@ -47,6 +58,8 @@ class LoggedDetection(NamedTuple):
     covariance: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # xx, xy, yy [m²]
     pixel: tuple[float, float] = _NOWHERE  # of the person's mid-height
     person: str = ""  # id, if this is a label
+    category: str = ""  # name or number of its class, if it has one
+    score: float = math.nan  # the detector's confidence
 
 
 class LoggedFrame(NamedTuple):
@@ -113,6 +126,7 @@ class LoggedFlight:
     start: float  # s, time in the files of the first frame
     origin: tuple[float, float]  # m, place in the files of the origin
     labels: Path | None  # file of the people, if they are known
+    remarks: tuple[str, ...] = ()  # on what was read
 
     @property
     def places(self) -> Array:
