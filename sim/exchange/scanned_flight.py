@@ -12,6 +12,7 @@ import numpy as np
 
 from sim.exchange.flight_files import read_files
 from sim.exchange.flight_setting import EXACT, make_setting
+from sim.exchange.people_selection import Selection
 from sim.exchange.values import LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
@@ -68,6 +69,8 @@ def read_flight(
     origin: tuple[float, float] = (0.0, 0.0),
     sigma: float = 0.0,
     detector: str = "blob",
+    classes: str = "",
+    least_score: float | None = None,
 ) -> ScannedFlight:
     """Read a flight from the files in its folder; InputError says what to change.
 
@@ -77,12 +80,15 @@ def read_flight(
         origin: Place in the files [m] that becomes the area's centre.
         sigma: Standard deviation [m] to add to detections without a covariance of their own.
         detector: Name of what finds people in images, as `sensing.detector`.
+        classes: Names or numbers of the classes of detections that count, as "pedestrian,people"; by default of people.
+        least_score: Of detections that count; by default more than 0.
     """
     folder = Path(folder)
     own = folder / "scenario.toml"
     given = read_toml(own, "scenario") if own.exists() else {}
     apply_overrides(given, overrides)
-    flight = read_files(folder, origin, detector)
+    selection = Selection(tuple(filter(None, map(str.strip, classes.split(",")))), least_score)
+    flight = read_files(folder, origin, detector, selection)
     setting = make_setting(folder, given, flight)
     return _place_on_scans(flight, setting, _find_people(flight, setting), sigma)
 
@@ -141,7 +147,7 @@ def _place_on_scans(
             observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
             lost += len(frame.detections) - len(observed[k, i].scan.measurements)
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i])
-    remarks = [*_remark(flight, rate, rounded, lost)]
+    remarks = [*flight.remarks, *_remark(flight, rate, rounded, lost)]
     remarks += [] if sigma else _remark_on_covariances(flight, [found.scan for found in observed.values()])
     forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))
