@@ -60,17 +60,18 @@ def read_poses(path: Path) -> dict[int, PoseLog]:
 
     In place of the quaternion, yaw_deg, pitch_deg and roll_deg are those of a gimbal: yaw clockwise from north, pitch
     -90 straight down. Without both, cameras look straight down, with north at the top of the image. Without the column
-    uav all rows are of UAV 0. InputError names file, line and column of a wrong entry.
+    uav all rows are of UAV 0. Equal rows count once. InputError names file, line and column of a wrong entry.
     """
     found: defaultdict[int, dict[float, list[float]]] = defaultdict(dict)
     lines: dict[tuple[int, float], int] = {}
     for row in read_csv(path, "poses", ("time_s", *_PLACE, "z_m")):
         uav, time = read_uav(row), row.number("time_s")
-        if (uav, time) in lines:
+        pose = [row.number("x_m"), row.number("y_m"), row.number("z_m"), *_read_attitude(row)]
+        if (uav, time) in lines and found[uav][time] != pose:
             twice = f"UAV {uav} has another pose at {spell(time)} s in line {lines[uav, time]}"
             raise row.error("uav", f"{twice}; number the UAVs apart")
         lines[uav, time] = row.line
-        found[uav][time] = [row.number("x_m"), row.number("y_m"), row.number("z_m"), *_read_attitude(row)]
+        found[uav][time] = pose
     if not found:
         raise InputError(f"poses: {path}: holds no pose")
     ordered = {uav: sorted(poses.items()) for uav, poses in sorted(found.items())}
