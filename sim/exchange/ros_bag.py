@@ -11,6 +11,7 @@ from tracking.errors import InputError, one_line
 CAMERA = "sensor_msgs/msg/CameraInfo"
 IMAGE = "sensor_msgs/msg/CompressedImage"
 IN_IMAGE = "vision_msgs/msg/Detection2DArray"
+LABELS = "vision_msgs/msg/LabelInfo"
 LOG = "rcl_interfaces/msg/Log"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 NUMBER = "std_msgs/msg/Float64"
@@ -20,6 +21,8 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 VELOCITY = "geometry_msgs/msg/TwistStamped"
 # Definitions of vision_msgs 4, which the library does not have.
 _VISION = {
+    "VisionClass": "uint16 class_id\nstring class_name\n",
+    "LabelInfo": "std_msgs/Header header\nvision_msgs/VisionClass[] class_map\nfloat32 threshold\n",
     "Point2D": "float64 x\nfloat64 y\n",
     "Pose2D": "vision_msgs/Point2D position\nfloat64 theta\n",
     "BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n",

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sim.exchange.ros_bag import CAMERA, IN_IMAGE, ODOMETRY, ON_GROUND, TRANSFORMS, ReadTopic, read_topics
+from sim.exchange.ros_bag import CAMERA, IN_IMAGE, LABELS, ODOMETRY, ON_GROUND, TRANSFORMS, ReadTopic, read_topics
 from sim.exchange.values import (
     POSE_GAP,
     CameraFrames,
@@ -79,7 +79,7 @@ def read_bag(path: Path, parts: Collection[str]) -> BagFlight:
     frame of its camera, a CameraInfo, and a Detection3DArray in the world's frame or a Detection2DArray. Times are
     those of headers. True odometry is left out if there is another one.
     """
-    topics = read_topics(path, (*_OF_UAVS, TRANSFORMS))
+    topics = read_topics(path, (*_OF_UAVS, TRANSFORMS, LABELS))
     if not any(topic.kind in _OF_UAVS for topic in topics.values()):
         raise InputError(f"bag: {path}: has no topics of UAVs; expected {', '.join(_OF_UAVS)}, as /uav0/odometry")
     flight = BagFlight({}, {}, {}, [])
@@ -89,7 +89,8 @@ def read_bag(path: Path, parts: Collection[str]) -> BagFlight:
         kinds = {topic.kind for topic in own.values()}
         kind = ON_GROUND if ON_GROUND in kinds else IN_IMAGE
         messages = _choose(where, own, kind) if "detections" in parts else []
-        frames = sorted((_read_frame(message, where) for message in messages), key=lambda frame: frame.time)
+        classes = _name_classes(own)
+        frames = sorted((_read_frame(message, classes, where) for message in messages), key=lambda frame: frame.time)
         seen_in = {_name_frame(message.header) for message in messages}
         infos = _choose(where, own, CAMERA, seen_in) if CAMERA in kinds or "cameras" in parts else []
         if "cameras" in parts:
@@ -106,7 +107,7 @@ def read_bag(path: Path, parts: Collection[str]) -> BagFlight:
             flight.remarks.extend([*told, *left_out])
             roots.add(trace.root)
         if "detections" in parts:
-            flight.frames[i] = CameraFrames(frames)
+            flight.frames[i] = CameraFrames(frames, categories=classes)
     if len(roots) > 1:
         raise InputError(f"bag: {path}: UAVs are in different frames of tf: {', '.join(sorted(roots))}")
     return flight
@@ -312,21 +313,31 @@ def _describe_camera(info: Any) -> tuple[_Pair, tuple[_Pair, _Pair], _Pair, list
     return (int(info.width), int(info.height)), roi, (int(info.binning_x), int(info.binning_y)), k, bend
 
 
-def _read_frame(message: Any, where: str) -> LoggedFrame:  # noqa: ANN401 - messages have types of the bag's own
+def _name_classes(own: Mapping[str, ReadTopic]) -> dict[str, str]:
+    """Names of classes by their numbers, from messages of LabelInfo."""
+    told = (message for topic in own.values() if topic.kind == LABELS for message in topic.messages)
+    return {str(one.class_id): str(one.class_name) for message in told for one in message.class_map}
+
+
+def _read_frame(message: Any, classes: Mapping[str, str], where: str) -> LoggedFrame:  # noqa: ANN401 - as above
     time = _read_time(message.header.stamp)
-    return LoggedFrame(time, f"{where}, {time:.3f} s", [_read_detection(found) for found in message.detections])
+    found = [_read_detection(found, classes) for found in message.detections]
+    return LoggedFrame(time, f"{where}, {time:.3f} s", found)
 
 
-def _read_detection(found: Any) -> LoggedDetection:  # noqa: ANN401 - messages have types of the bag's own
-    """A detection in the image, or on the ground with the covariance of its likeliest result, if that has one."""
-    centre = found.bbox.center
+def _read_detection(found: Any, classes: Mapping[str, str]) -> LoggedDetection:  # noqa: ANN401 - as above
+    """A detection in the image, or on the ground with the covariance of its likeliest result, if that has one.
+
+    A box without a size is nowhere.
+    """
     likeliest = max(found.results, key=_read_score, default=None)
     category, score = ("", math.nan) if likeliest is None else (_read_class(likeliest), _read_score(likeliest))
+    detection = LoggedDetection(category=classes.get(category, category), score=score)
+    centre = found.bbox.center
     if not hasattr(found.bbox, "size"):  # of a Detection2D; older ones have x and y in the centre itself
-        if found.bbox.size_x < 0 or found.bbox.size_y < 0:
-            return LoggedDetection(category=category, score=score)
         place = getattr(centre, "position", centre)
-        return LoggedDetection(pixel=(float(place.x), float(place.y)), category=category, score=score)
+        sized = found.bbox.size_x >= 0 and found.bbox.size_y >= 0
+        return detection._replace(pixel=(float(place.x), float(place.y))) if sized else detection
     place = centre.position
     covariance = (math.nan, math.nan, math.nan)
     if likeliest is not None:
@@ -334,7 +345,7 @@ def _read_detection(found: Any) -> LoggedDetection:  # noqa: ANN401 - messages h
         if entries[0] > 0:
             place = likeliest.pose.pose.position
             covariance = (float(entries[0]), float(entries[1]), float(entries[7]))
-    return LoggedDetection((float(place.x), float(place.y)), covariance, category=category, score=score)
+    return detection._replace(place=(float(place.x), float(place.y)), covariance=covariance)
 
 
 def _read_class(result: Any) -> str:  # noqa: ANN401 - as above

@@ -26,8 +26,9 @@ STATE = ("x", "y", "vx", "vy")  # m, m/s
 # Upper triangle of a covariance by rows; each entry is named by its two states.
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
 TRACK = ("time", "uav", "id", *STATE, *COVARIANCE, "existence")
-_NOWHERE = (math.nan, math.nan)
+NOWHERE = (math.nan, math.nan)
 POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
+_STILL = 1e-3  # m, and parts of a quaternion, by which poses of a camera that stands still differ at most
 
 
 class PoseLog(NamedTuple):
@@ -41,10 +42,14 @@ class PoseLog(NamedTuple):
         return interpolate_poses(self.times, self.rows, np.clip(times, *self.times[[0, -1]]))
 
     def distances(self, times: Array) -> Array:
-        """Time (N,) s from each of the times (N,) s to the nearest pose."""
+        """Time (N,) s from each of the times (N,) s to the nearest pose; 0 where the camera stands still."""
+        if len(self.times) == 1:
+            return np.zeros(len(times))
         near = np.searchsorted(self.times, times)
-        before, after = self.times[np.maximum(near - 1, 0)], self.times[np.minimum(near, len(self.times) - 1)]
-        return np.asarray(np.minimum(np.abs(times - before), np.abs(times - after)))
+        before, after = np.maximum(near - 1, 0), np.minimum(near, len(self.times) - 1)
+        gaps = np.minimum(np.abs(times - self.times[before]), np.abs(times - self.times[after]))
+        moves = (before == after) | (np.abs(self.rows[before] - self.rows[after]) > _STILL).any(axis=1)
+        return np.where(moves, gaps, 0.0)
 
     def covers(self, times: Array) -> Flags:
         """Mask (N,) of the times (N,) s that are not before the first pose or after the last one."""
@@ -54,12 +59,17 @@ class PoseLog(NamedTuple):
 class LoggedDetection(NamedTuple):
     """One detection, on the ground or in the image; NaN for what is not known."""
 
-    place: tuple[float, float] = _NOWHERE  # m
+    place: tuple[float, float] = NOWHERE  # m
     covariance: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # xx, xy, yy [m²]
-    pixel: tuple[float, float] = _NOWHERE  # of the person's mid-height
+    pixel: tuple[float, float] = NOWHERE  # of the person's mid-height
     person: str = ""  # id, if this is a label
-    category: str = ""  # name or number of its class, if it has one
+    category: str = ""  # name of its class, or a number without a name
     score: float = math.nan  # the detector's confidence
+
+    @property
+    def is_somewhere(self) -> bool:
+        """False for a box without a size."""
+        return not (math.isnan(self.place[0]) and math.isnan(self.pixel[0]))
 
 
 class LoggedFrame(NamedTuple):
@@ -76,6 +86,7 @@ class CameraFrames(NamedTuple):
     frames: list[LoggedFrame]
     people: Sequence[LoggedFrame] = ()  # with the ids of people, if they are known
     size: tuple[int, int] | None = None  # width and height of the images, if known
+    categories: Mapping[str, str] = {}  # names of the classes that have numbers, which detections have, too
 
 
 class LoggedCamera(NamedTuple):

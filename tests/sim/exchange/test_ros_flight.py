@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 pytest.importorskip("rosbags")
-from sim.exchange.ros_bag import CAMERA, IN_IMAGE, ODOMETRY, ON_GROUND, TRANSFORMS, RosBag, Topic
+from sim.exchange import ros_bag
+from sim.exchange.ros_bag import CAMERA, IN_IMAGE, LABELS, ODOMETRY, ON_GROUND, TRANSFORMS, RosBag, Topic
 from sim.exchange.scanned_flight import read_flight
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
@@ -214,6 +215,59 @@ def test_a_camera_that_changes_or_cannot_be_is_refused(tmp_path, change):
     info = camera_info("optical", 1920, 1080, roi=square(1000, 0, 1000, 500))
     with pytest.raises(InputError, match=r"roi of 1000 × 500 pixels from \(1000, 0\) is not in the image of 1920"):
         read_flight(write(tmp_path / "outside", fly_alone(info=info)))
+
+
+def result(name, score):
+    return {"hypothesis": (name, score)}
+
+
+SELECTED = {
+    "a class": ([[result("person", 0.9)], [result("car", 0.9)]], {}, [500.0], "used: 10 of class person; left out: 10"),
+    "another class": ([[result("person", 0.9)], [result("car", 0.9)]], {"classes": "car"}, [540.0], "10 of class car;"),
+    "the likeliest": ([[result("dog", 0.6), result("person", 0.2)], [result("dog", 0.1), result("person", 0.3)]], {},
+                      [540.0], "left out: 10 of class dog"),
+    "numbers": ([[result("0", 0.9)], [result("2", 0.9)]], {}, [500.0], "left out: 10 of class 2"),
+    "a score": ([[result("person", 0.9)], [result("person", 0.3)]], {"least_score": 0.5}, [500.0], "10 with a score b"),
+    "no result": ([[], []], {}, [500.0, 540.0], None),
+    "names of numbers": ([[result("3", 0.9)], [result("7", 0.9)]], {}, [540.0], "left out: 10 of class car"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("results", "options", "expected", "said"), SELECTED.values(), ids=SELECTED)
+def test_classes_and_scores_say_who_is_a_person(tmp_path, results, options, expected, said):
+    topics = fly_alone()
+    found = [{"bbox": (((500.0 + 40 * n, 600.0), 0.0), 9.0, 9.0), "results": r} for n, r in enumerate(results)]
+    topics["/detections"] = (IN_IMAGE, {t: (stamped(t, "optical"), found) for t in TIMES})
+    if results[0] == [result("3", 0.9)]:
+        topics["/labels"] = (LABELS, {0.0: {"class_map": [(3, "car"), (7, "Person")]}})
+    log = read_flight(write(tmp_path / "bag", topics), **options)
+    assert [observed.pixels[:, 0].tolist() for observed in log.observed.values()] == [expected] * len(TIMES)
+    assert (said is None) == (not any("left out" in remark for remark in log.remarks))
+    assert said is None or any(said in remark for remark in log.remarks)
+
+
+def test_boxes_of_negative_size_are_left_out(tmp_path):
+    topics = fly_alone()
+    found = [{"bbox": (((500.0, 600.0), 0.0), 9.0, size)} for size in (9.0, -9.0)]
+    topics["/detections"] = (IN_IMAGE, {t: (stamped(t, "optical"), found) for t in TIMES})
+    log = read_flight(write(tmp_path / "bag", topics))
+    assert [len(observed.pixels) for observed in log.observed.values()] == [1] * len(TIMES)
+
+
+@pytest.mark.parametrize("kind", ["string", "int64"])
+def test_detections_of_older_releases_have_ids_and_plain_centres(tmp_path, monkeypatch, kind):
+    """As vision_msgs 2 and 1 have them, whose definitions the bag holds."""
+    old = {"BoundingBox2D": "geometry_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n"}
+    old["ObjectHypothesisWithPose"] = f"{kind} id\nfloat64 score\ngeometry_msgs/PoseWithCovariance pose\n"
+    monkeypatch.setattr(ros_bag, "_VISION", ros_bag._VISION | old)
+    topics, person, other = fly_alone(), {"string": "person", "int64": 1}[kind], {"string": "car", "int64": 3}[kind]
+    found = [
+        {"bbox": ((u, 600.0, 0.0), 9.0, 9.0), "results": [{"id": id_, "score": 0.5}]}
+        for u, id_ in ((500.0, person), (540.0, other))
+    ]
+    topics["/detections"] = (IN_IMAGE, {t: (stamped(t, "optical"), found) for t in TIMES})
+    log = read_flight(write(tmp_path / "bag", topics))
+    assert [observed.pixels.tolist() for observed in log.observed.values()] == [[[500.0, 600.0]]] * len(TIMES)
 
 
 def test_of_several_cameras_it_is_the_one_in_whose_frame_detections_are(tmp_path):
