@@ -104,6 +104,8 @@ def export(
         announce_compilation(say, partial(show_compilation, show)),
     ):
         write_labelled_images(_fly(flights, show), to, folder, splits=splits, every=apart)
+    if to == "yolo" and "val" not in splits.values():
+        print_remarks("--val: names no seed, so val of data.yaml has no images of its own")
     show_files(folder)
 
 

@@ -109,7 +109,8 @@ def write_coco(images: Iterable[LabelledImage], folder: Path) -> None:
             )
     (folder / "annotations").mkdir()
     for split, dataset in sets.items():
-        whole = {"categories": [{"id": _PERSON, "name": "person"}], "annotations": [], **dataset}
+        about = {"info": {"description": f"Understory: images for {split}"}, "licenses": []}
+        whole = {**about, "categories": [{"id": _PERSON, "name": "person"}], "annotations": [], **dataset}
         (folder / "annotations" / f"instances_{split}.json").write_text(json.dumps(whole), encoding="utf-8")
 
 
@@ -142,7 +143,7 @@ def _encode_runs(mask: Flags) -> list[int]:
 
 
 def write_yolo(images: Iterable[LabelledImage], folder: Path) -> None:
-    """Write a file `labels/SPLIT/NAME.txt` for each image, and `data.yaml`.
+    """Write a file `labels/SPLIT/NAME.txt` for each image, and `data.yaml`, whose tools want `train` and `val`.
 
     A line is a class, then centre, width and height of a box in shares of the image.
     """
@@ -151,11 +152,15 @@ def write_yolo(images: Iterable[LabelledImage], folder: Path) -> None:
         lines = []
         for shown in labelled.people:
             left, top, width, height = shown.box
-            box = np.array([left + width / 2, top + height / 2, width, height]) / (2 * labelled.camera.size)
-            lines.append(" ".join(["0", *(f"{part:.6f}" for part in box)]) + "\n")
+            edges = np.array([[left, top], [left + width, top + height]]) / labelled.camera.size
+            # A seventh digit is needed for the middle of edges with six, which so stay inside the image.
+            first, last = edges.round(6)
+            lines.append(" ".join(["0", *(f"{part:.7f}" for part in (*(first + last) / 2, *last - first))]) + "\n")
         place = folder / "labels" / labelled.split
         place.mkdir(parents=True, exist_ok=True)
         (place / f"{labelled.name}.txt").write_text("".join(lines), encoding="utf-8")
         found.add(labelled.split)
+    instead = min(found, key=SPLITS.index, default=SPLITS[0])
     lines = [f"{split}: images/{split}\n" for split in SPLITS if split in found]
+    lines += [f"{split}: images/{instead}  # it has none of its own\n" for split in SPLITS[:2] if split not in found]
     (folder / "data.yaml").write_text("".join([*lines, "names:\n  0: person\n"]), encoding="utf-8")
