@@ -21,7 +21,7 @@ from sim.terminal.progress import show_counted_progress
 from sim.views.redrawn_film import write_film
 from tracking.errors import InputError
 
-_Flight = Annotated[Path, typer.Argument(metavar="FLIGHT", help="Folder with poses.csv, detections.csv, cameras.csv.")]
+_Flight = Annotated[Path, typer.Argument(metavar="FLIGHT", help="Folder of a flight's files, or a bag of ROS 2.")]
 _Out = Annotated[Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")]
 _Origin = Annotated[str, typer.Option(metavar="X,Y", help="Place in the files [m] that becomes the area's centre.")]
 _Sigma = Annotated[
