@@ -45,8 +45,7 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str, selecti
     detections.
     """
     if not folder.is_dir() and find_bag(folder) is None:
-        expected = "expected a folder with poses.csv and detections.csv, or a bag of ROS 2"
-        raise InputError(f"FLIGHT: {folder} is not a folder; {expected}")
+        raise InputError(f"FLIGHT: {folder} is not a folder; expected one with poses.csv and detections.csv, or a bag")
     read = next((read for name, read in _FORMATS.items() if any(folder.glob(name))), None)
     cameras_file, poses_file = folder / "cameras.csv", folder / "poses.csv"
     there = {"cameras": cameras_file.exists(), "poses": poses_file.exists(), "detections": read is not None}

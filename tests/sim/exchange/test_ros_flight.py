@@ -295,7 +295,7 @@ def test_a_bag_is_read_by_its_file_its_folder_and_the_folder_around(tmp_path, ca
         ("none.mcap", b"", "cannot be read: "),
         ("none.db3", b"nothing", "cannot be read: "),
         ("old.bag", b"#ROSBAG V2.0", "is a bag of ROS 1; rosbags-convert makes one of ROS 2 of it"),
-        ("notes.txt", b"nothing", "is not a folder; expected a folder with"),
+        ("notes.txt", b"nothing", "is not a folder; expected one with"),
     ):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InputError, match=complaint) as told:
