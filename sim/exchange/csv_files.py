@@ -27,7 +27,7 @@ from sim.exchange.values import (
     make_square_camera,
 )
 from sim.mission.recording import Recording
-from sim.scenario.camera_settings import read_camera
+from sim.scenario.camera_settings import CameraSettings, read_camera
 from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.environment import Trees
 from sim.scenario.scenario import leave_out_removed_keys
@@ -35,6 +35,7 @@ from sim.scenario.settings_text import format_toml
 from sim.world.stem_map import TREE_COLUMNS, read_stem_map
 from tracking.errors import InputError, spell
 from tracking.geometry.visibility import Forest
+from tracking.settings import read_settings
 
 _PLACE = ("x_m", "y_m")
 _QUATERNION = ("qx", "qy", "qz", "qw")
@@ -106,8 +107,9 @@ def read_detections(path: Path) -> dict[int, CameraFrames]:
 def read_cameras(path: Path) -> dict[int, LoggedCamera]:
     """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`.
 
-    There may be clock_offset_s, and width_px and height_px of images that are not square. In place of angle of view and
-    pixels, there may be the column camera: a packaged camera, or a file beside this one.
+    There may be clock_offset_s, and width_px and height_px of images that are not square: fov_deg is over a square of
+    `pixels` in the middle. In place of these two, there may be hfov_deg, which is over the width, or the column
+    camera: a packaged camera, or a file beside this one.
     """
     cameras: dict[int, LoggedCamera] = {}
     for row in read_csv(path, "cameras", ()):
@@ -125,14 +127,22 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
             return make_calibrated_camera(read_camera(str(path.parent / name) if Path(name).suffix else name))
         except InputError as error:
             raise row.error("camera", str(error)) from error
+    if row.values.get("hfov_deg") and not row.values.get("fov_deg"):
+        given = {"width": row.integer("width_px"), "height": row.integer("height_px")}
+        try:
+            return make_calibrated_camera(read_settings({**given, "hfov_deg": row.number("hfov_deg")}, CameraSettings))
+        except InputError as error:
+            raise row.error("hfov_deg", str(error)) from error
     for column in CAMERA_COLUMNS[1:]:
         if column not in row.values:
             there = ",".join(row.values)
             raise InputError(f"cameras: {path}, line 1: column {column} is missing; columns are {there}")
-    square = make_square_camera(row.number("fov_deg"), pixels := row.integer("pixels"))
+    square = make_square_camera(fov_deg := row.number("fov_deg"), pixels := row.integer("pixels"))
     width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
     if pixels > min(width, height):
-        raise row.error("pixels", f"{pixels} is more than an edge of the images of {width} × {height} pixels")
+        more = f"{pixels} is more than an edge of the images of {width} × {height} pixels"
+        square_of = "fov_deg is over a square of this edge in their middle"
+        raise row.error("pixels", f"{more}; {square_of}; if {fov_deg:g} is over the width, call it hfov_deg")
     return square if width == height == pixels else square.widen((width, height))
 
 

@@ -77,6 +77,7 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str, selecti
         frames = [_shift(frame, later, origin) for frame in found[i].frames]
         people = [_shift(frame, later, origin) for frame in found[i].people]
         uavs.append(LoggedUav(camera, moved, frames, people))
+    remarks += [f"cameras: UAV {i}: {uav.camera.spans}" for i, uav in enumerate(uavs) if uav.camera.spans]
     flight = LoggedFlight(uavs, _read_trees(folder, origin), start, origin, _find_labels(folder, found), remarks)
     far = flight.places[np.abs(flight.places).max(axis=1) > _FARTHEST]
     if len(far):

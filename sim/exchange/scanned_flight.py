@@ -164,6 +164,10 @@ def _place_on_scans(
             observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
             lost += len(frame.detections) - len(observed[k, i].scan.measurements)
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i])
+    if lost and not any(len(found.scan.measurements) for found in observed.values()):
+        every = f"all {lost} are above the horizon, or where a lens shows nothing"
+        axes = "x right, y up and z back, away from the scene"
+        raise InputError(f"detections: {every}; pitch_deg is -90 straight down, and quaternions turn a camera's {axes}")
     remarks = [*flight.remarks, *remarks, *_remark(flight, rate, rounded, lost)]
     if late:
         remarks.append(f"duration: left out: {late} frame{'s' * (late > 1)} after {spell(setting.duration)} s")
@@ -263,8 +267,8 @@ def _remark(flight: LoggedFlight, rate: int, rounded: float, lost: int) -> Itera
 def _remark_on_covariances(flight: LoggedFlight, scans: Sequence[Scan]) -> Iterator[str]:
     """A remark if detections have covariances that take poses as exact."""
     detections = (found for uav in flight.uavs for frame in uav.frames for found in frame.detections)
-    if any(math.isnan(found.covariance[0]) for found in detections):
-        traces = [np.trace(scan.covariances, axis1=1, axis2=2) for scan in scans]
-        spread = math.sqrt(np.median(np.concatenate(traces)) / 2)
+    traces = [trace for scan in scans for trace in np.trace(scan.covariances, axis1=1, axis2=2).tolist()]
+    if traces and any(math.isnan(found.covariance[0]) for found in detections):
+        spread = math.sqrt(np.median(traces) / 2)
         exact = f"those without a covariance get {spread:.2f} m, as of exact poses"
         yield f"detections: {exact}; if too many tracks begin, --sigma adds errors of poses"
