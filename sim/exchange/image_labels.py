@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.exchange.values import SPLITS, CameraFrames, LabelledImage, LoggedDetection, LoggedFrame
 from sim.mission.recording import Recording
-from sim.scenario.text_files import read_bytes
+from sim.scenario.text_files import read_text
 from tracking.errors import InputError, one_line
 from tracking.numerics.arrays import Flags
 
@@ -64,7 +64,7 @@ def read_coco(folder: Path) -> dict[int, CameraFrames]:
 
 def _read(path: Path, kind: type[_Read]) -> _Read:
     try:
-        return msgspec.json.decode(read_bytes(path, "detections"), type=kind)
+        return msgspec.json.decode(read_text(path, "detections"), type=kind)
     except msgspec.MsgspecError as error:
         raise InputError(f"detections: {path}: {one_line(error)}") from error
 
