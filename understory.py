@@ -232,6 +232,8 @@ def track(
     origin: tuple[float, float] = (0.0, 0.0),
     sigma: float = 0.0,
     detector: str = "blob",
+    classes: str = "",
+    least_score: float | None = None,
 ) -> Flight:
     """Track people in a flight from elsewhere, and return its recording with tables and figures.
 
@@ -241,12 +243,21 @@ def track(
         origin: Place in the files [m] that becomes the area's centre.
         sigma: Standard deviation [m] that is added to detections without a covariance.
         detector: Name or "module:Class" of what finds people in images.
+        classes: Names or numbers of the classes of detections that count, as "pedestrian,people"; by default of people.
+        least_score: Of detections that count; by default more than 0.
 
     Raises:
         InputError: If the input is wrong.
     """
-    changes = format_overrides(settings)
-    flight = read_flight(folder, overrides=changes, origin=origin, sigma=sigma, detector=detector)
+    flight = read_flight(
+        folder,
+        overrides=format_overrides(settings),
+        origin=origin,
+        sigma=sigma,
+        detector=detector,
+        classes=classes,
+        least_score=least_score,
+    )
     return Flight(track_flight(flight, name=f"flight {Path(folder).resolve().name}").recording)
 
 

@@ -30,6 +30,10 @@ _Sigma = Annotated[
 ]
 _Video = Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")]
 _Detector = Annotated[str, typer.Option(metavar="NAME", help="Detector for images.csv, or yours as module:Class.")]
+_Classes = Annotated[
+    str, typer.Option(metavar="NAMES", help="Classes of detections that count, as pedestrian,people. Default: people.")
+]
+_LeastScore = Annotated[str, typer.Option(metavar="S", help="Least score of detections that count. Default: above 0.")]
 _Seed = Annotated[str, typer.Option(metavar="N", help="Decides which messages are lost, with network.loss.")]
 
 
@@ -39,6 +43,8 @@ def track(
     origin: _Origin = "0,0",
     sigma: _Sigma = "0",
     detector: _Detector = "blob",
+    classes: _Classes = "",
+    least_score: _LeastScore = "",
     seed: _Seed = "0",
     out: _Out = None,
     video: _Video = True,
@@ -47,7 +53,15 @@ def track(
     centre = _parse_origin(origin)
     error = _parse_sigma(sigma)
     drawn, _ = parse_seed_and_repeat(seed, "0", "--")
-    scanned = read_flight(flight, overrides=overrides or (), origin=centre, sigma=error, detector=detector)
+    scanned = read_flight(
+        flight,
+        overrides=overrides or (),
+        origin=centre,
+        sigma=error,
+        detector=detector,
+        classes=classes,
+        least_score=_parse_score(least_score) if least_score else None,
+    )
     print_remarks(*scanned.remarks)
     name = flight.resolve().name
     with claim_place(out, Path("runs") / f"track-{name}") as place, make_new_folder(place) as folder:
@@ -87,4 +101,11 @@ def _parse_sigma(text: str) -> float:
     value = parse_number(text)
     if not 0 <= value <= 100:
         raise InputError(f"--sigma: {text!r} is not allowed; expected 0 to 100 m")
+    return value
+
+
+def _parse_score(text: str) -> float:
+    value = parse_number(text)
+    if not math.isfinite(value):
+        raise InputError(f"--least-score: {text!r} is not allowed; expected a number such as 0.5")
     return value

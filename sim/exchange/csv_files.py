@@ -40,6 +40,8 @@ _PLACE = ("x_m", "y_m")
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
 _PIXEL = ("u_px", "v_px")
+_CLASSES = ("class", "category", "label", "class_id", "category_id", "class_name")  # names of a column
+_SCORES = ("score", "confidence", "conf")
 _PARTS = {"place": _PLACE, "covariance": ("xx_m2", "xy_m2", "yy_m2"), "pixel": _PIXEL}  # of a detection
 POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *_QUATERNION)
 DETECTION_COLUMNS = ("time_s", "uav", *_PLACE, *_PARTS["covariance"], *_PIXEL)
@@ -58,17 +60,18 @@ def read_poses(path: Path) -> dict[int, PoseLog]:
 
     In place of the quaternion, yaw_deg, pitch_deg and roll_deg are those of a gimbal: yaw clockwise from north, pitch
     -90 straight down. Without both, cameras look straight down, with north at the top of the image. Without the column
-    uav all rows are of UAV 0. InputError names file, line and column of a wrong entry.
+    uav all rows are of UAV 0. Equal rows count once. InputError names file, line and column of a wrong entry.
     """
     found: defaultdict[int, dict[float, list[float]]] = defaultdict(dict)
     lines: dict[tuple[int, float], int] = {}
     for row in read_csv(path, "poses", ("time_s", *_PLACE, "z_m")):
         uav, time = read_uav(row), row.number("time_s")
-        if (uav, time) in lines:
+        pose = [row.number("x_m"), row.number("y_m"), row.number("z_m"), *_read_attitude(row)]
+        if (uav, time) in lines and found[uav][time] != pose:
             twice = f"UAV {uav} has another pose at {spell(time)} s in line {lines[uav, time]}"
             raise row.error("uav", f"{twice}; number the UAVs apart")
         lines[uav, time] = row.line
-        found[uav][time] = [row.number("x_m"), row.number("y_m"), row.number("z_m"), *_read_attitude(row)]
+        found[uav][time] = pose
     if not found:
         raise InputError(f"poses: {path}: holds no pose")
     ordered = {uav: sorted(poses.items()) for uav, poses in sorted(found.items())}
@@ -79,8 +82,8 @@ def read_detections(path: Path) -> dict[int, CameraFrames]:
     """Frames of each UAV with their detections, from a CSV file with some of the columns `DETECTION_COLUMNS`.
 
     A row is a detection: a place on the ground, maybe with its covariance, or the pixel of the person's mid-height. A
-    row with neither says that the camera took a frame at this time. Rows may have any order. InputError names file,
-    line and column of a wrong entry.
+    row with neither says that the camera took a frame at this time. There may be a column class and a column score.
+    Rows may have any order. InputError names file, line and column of a wrong entry.
     """
     found: defaultdict[int, dict[float, LoggedFrame]] = defaultdict(dict)
     rows: dict[tuple[int, float, LoggedDetection], int] = {}
@@ -173,7 +176,12 @@ def _read_detection(row: TableRow) -> LoggedDetection | None:
             raise row.error("xx_m2", f"xx_m2, xy_m2, yy_m2 of {parts} are not positive definite")
         if "place" not in found:
             raise row.error("x_m", "is empty, but the covariance is that of a place on the ground")
-    return LoggedDetection(**found) if found else None
+    if not found:
+        return None
+    category = next((row.values[name] for name in _CLASSES if name in row.values), "")
+    scores = (row.optional_number(name) for name in _SCORES)
+    score = next((score for score in scores if score is not None), math.nan)
+    return LoggedDetection(**found, category=category, score=score)
 
 
 def write_csv(recording: Recording, folder: Path) -> None:

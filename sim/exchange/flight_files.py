@@ -8,6 +8,7 @@ import numpy as np
 from sim.exchange.csv_files import read_cameras, read_detections, read_forest, read_poses
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
+from sim.exchange.people_selection import Selection, select_people
 from sim.exchange.ros_flight import find_bag, read_bag
 from sim.exchange.values import CameraFrames, LoggedFlight, LoggedFrame, LoggedUav, PoseLog, find_gap
 from tracking.errors import InputError, list_numbers, spell
@@ -36,10 +37,11 @@ _FORMATS: dict[str, Callable[[Path, Uavs, str], dict[int, CameraFrames]]] = {
 }
 
 
-def read_files(folder: Path, origin: tuple[float, float], detector: str) -> LoggedFlight:
+def read_files(folder: Path, origin: tuple[float, float], detector: str, selection: Selection) -> LoggedFlight:
     """The files of a flight in a folder, whose places have this `origin` [m]; InputError says what to change.
 
-    detector: name of what finds people if the flight has images in place of detections.
+    detector: name of what finds people if the flight has images in place of detections. selection: of people among
+    detections.
     """
     if not folder.is_dir():
         raise InputError(f"FLIGHT: {folder} is not a folder; expected one with poses.csv and detections.csv, or a bag")
@@ -54,6 +56,7 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str) -> Logg
     else:
         known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
         found = (read or _FORMATS["detections.csv"])(folder, known, detector)
+    found, remarks = select_people(found, selection)
     for name, numbers in (("its poses", {*poses}), ("its detections", {*found})):
         if odd := sorted(numbers ^ {*cameras}):
             raise InputError(f"FLIGHT: {folder}: only one of {name} and its cameras has {list_numbers('UAV', odd)}")
@@ -74,7 +77,7 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str) -> Logg
         frames = [_shift(frame, later, origin) for frame in found[i].frames]
         people = [_shift(frame, later, origin) for frame in found[i].people]
         uavs.append(LoggedUav(camera, moved, frames, people))
-    flight = LoggedFlight(uavs, _read_trees(folder, origin), start, origin, _find_labels(folder, found))
+    flight = LoggedFlight(uavs, _read_trees(folder, origin), start, origin, _find_labels(folder, found), remarks)
     far = flight.places[np.abs(flight.places).max(axis=1) > _FARTHEST]
     if len(far):
         x, y = (np.array(origin) + far[0]).round(-2).tolist()

@@ -1,6 +1,7 @@
 """People in images: COCO's results are read as detections, and labels are written as COCO and YOLO have them."""
 
 import json
+import math
 from collections import defaultdict
 from collections.abc import Iterable
 from itertools import count
@@ -10,7 +11,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from sim.exchange.values import SPLITS, CameraFrames, LabelledImage, LoggedDetection, LoggedFrame
+from sim.exchange.values import NOWHERE, SPLITS, CameraFrames, LabelledImage, LoggedDetection, LoggedFrame
 from sim.mission.recording import Recording
 from sim.scenario.text_files import read_text
 from tracking.errors import InputError, one_line
@@ -30,25 +31,38 @@ class _Image(msgspec.Struct):
     uav: int = 0
 
 
+class _Category(msgspec.Struct):
+    id: int
+    name: str
+
+
 class _Dataset(msgspec.Struct):
     images: list[_Image]
+    categories: list[_Category] = []
 
 
 class _Result(msgspec.Struct):
     image_id: int
     bbox: tuple[float, float, float, float]  # left, top, width and height, in pixels from the top left corner
+    category_id: int | None = None
+    score: float | None = None
 
 
 def read_coco(folder: Path) -> dict[int, CameraFrames]:
     """Frames of each UAV: boxes of `results.json` in the images of `images.json`; InputError says what to change.
 
-    Each image has the entry time_s and, of a fleet, uav beside those of COCO. Scores and categories are not used.
+    Each image has the entry time_s and, of a fleet, uav beside those of COCO. `images.json` may name the categories.
     """
-    images = _read(folder / _IMAGES, _Dataset).images
+    dataset = _read(folder / _IMAGES, _Dataset)
+    images, categories = dataset.images, {str(one.id): one.name for one in dataset.categories}
     boxes: defaultdict[int, list[LoggedDetection]] = defaultdict(list)
     for result in _read(folder / RESULTS, list[_Result]):
         left, top, width, height = result.bbox
-        boxes[result.image_id].append(LoggedDetection(pixel=(left + width / 2, top + height / 2)))
+        number = "" if result.category_id is None else str(result.category_id)
+        pixel = (left + width / 2, top + height / 2) if width > 0 and height > 0 else NOWHERE
+        score = math.nan if result.score is None else result.score
+        detection = LoggedDetection(pixel=pixel, category=categories.get(number, number), score=score)
+        boxes[result.image_id].append(detection)
     if odd := sorted(boxes.keys() - {image.id for image in images}):
         raise InputError(f"detections: {folder / RESULTS}: image_id {odd[0]} is not in {_IMAGES}")
     found: defaultdict[int, list[LoggedFrame]] = defaultdict(list)
@@ -59,7 +73,7 @@ def read_coco(folder: Path) -> dict[int, CameraFrames]:
         if sizes.setdefault(image.uav, size) != size:
             raise InputError(f"{where}: has another size than earlier images of UAV {image.uav}; expected one")
         found[image.uav].append(LoggedFrame(image.time_s, where, boxes[image.id]))
-    return {uav: CameraFrames(frames, size=sizes[uav]) for uav, frames in found.items()}
+    return {uav: CameraFrames(frames, size=sizes[uav], categories=categories) for uav, frames in found.items()}
 
 
 def _read(path: Path, kind: type[_Read]) -> _Read:

@@ -9,16 +9,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
+from sim.exchange.flight_area import WIDEST, choose_area, leave_area
 from sim.exchange.flight_files import read_files
 from sim.exchange.flight_setting import EXACT, make_setting
+from sim.exchange.people_selection import Selection
 from sim.exchange.values import LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
 from sim.sensing.cameras import view_of
 from sim.world.recorded_people import read_trajectories, resample
-from sim.world.trajectories import Trajectories
+from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
 from tracking.detection.detection_errors import whole_covariances
 from tracking.errors import InputError, spell
 from tracking.geometry.camera import Camera, Pose
@@ -28,6 +31,8 @@ from tracking.numerics.arrays import Array, Flags
 from tracking.track import Scan
 
 _POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
+_STILL = 1e-3  # m, and parts of a quaternion, by which poses of a camera that stands still differ at most
+_NEAR = 0.49  # periods, up to which a person is there before the first time and after the last, in scans and samples
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
 
 
@@ -68,6 +73,8 @@ def read_flight(
     origin: tuple[float, float] = (0.0, 0.0),
     sigma: float = 0.0,
     detector: str = "blob",
+    classes: str = "",
+    least_score: float | None = None,
 ) -> ScannedFlight:
     """Read a flight from the files in its folder; InputError says what to change.
 
@@ -77,14 +84,28 @@ def read_flight(
         origin: Place in the files [m] that becomes the area's centre.
         sigma: Standard deviation [m] to add to detections without a covariance of their own.
         detector: Name of what finds people in images, as `sensing.detector`.
+        classes: Names or numbers of the classes of detections that count, as "pedestrian,people"; by default of people.
+        least_score: Of detections that count; by default more than 0.
     """
     folder = Path(folder)
     own = folder / "scenario.toml"
     given = read_toml(own, "scenario") if own.exists() else {}
     apply_overrides(given, overrides)
-    flight = read_files(folder, origin, detector)
+    selection = Selection(tuple(filter(None, map(str.strip, classes.split(",")))), least_score)
+    flight = read_files(folder, origin, detector, selection)
     setting = make_setting(folder, given, flight)
-    return _place_on_scans(flight, setting, _find_people(flight, setting), sigma)
+    people = _find_people(flight, setting)
+    if "area" in given:
+        people, remarks = leave_area(flight, setting.area, people)
+    else:
+        area = choose_area(flight, [uav.true_camera for uav in setting.uavs], people)
+        try:
+            setting = replace(setting, area=area)
+        except ValueError as error:  # too large for so many UAVs
+            raise InputError(f"{error}; give a place near the flight: --origin X,Y") from error
+        reach = "all that cameras, trees and people reach" if people else "all that cameras and trees reach"
+        remarks = [f"area: {area.width:g} × {area.height:g} m was chosen, with {reach}"]
+    return _place_on_scans(flight, setting, people, sigma, remarks)
 
 
 def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None:
@@ -94,7 +115,8 @@ def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None
     if path is None:
         return None
     if not any(uav.people for uav in flight.uavs):
-        return read_trajectories(path, setting.area, duration=setting.duration, people=setting.people)
+        slack = _NEAR * max(1 / rate, 2 / SAMPLES_PER_SECOND)  # between two samples, people are there if in both
+        return read_trajectories(path, WIDEST, duration=setting.duration, people=setting.people, slack=slack)
     found: defaultdict[str, dict[int, Array]] = defaultdict(dict)
     for uav, settings in zip(flight.uavs, setting.uavs, strict=True):
         poses = uav.poses.at(np.array([frame.time for frame in uav.people]))
@@ -116,19 +138,20 @@ def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None
 
 
 def _place_on_scans(
-    flight: LoggedFlight, setting: Scenario, people: Trajectories | None, sigma: float
+    flight: LoggedFlight, setting: Scenario, people: Trajectories | None, sigma: float, remarks: Sequence[str]
 ) -> ScannedFlight:
-    """The flight with its frames at scans; frames after its end are left out."""
+    """The flight with its frames at scans; frames after a given end are left out."""
     times = np.array(setting.scan_times)
     rate = setting.rates.sensing
     poses = np.empty((len(times), len(flight.uavs), 7))
     frames = np.zeros((len(times), len(flight.uavs)), dtype=np.bool_)
     observed: dict[tuple[int, int], Observed] = {}
     rounded = 0.0
-    lost = 0
+    lost = late = 0
     for i, uav in enumerate(flight.uavs):
         poses[:, i] = uav.poses.at(times)
         taken = [frame for frame in uav.frames if round(frame.time * rate) < len(times)]
+        late += len(uav.frames) - len(taken)
         at = np.array([frame.time for frame in taken])
         _check_pose_times(uav.poses, at, i, flight.start)
         _check_pixels(taken, i, uav.camera)
@@ -141,21 +164,30 @@ def _place_on_scans(
             observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
             lost += len(frame.detections) - len(observed[k, i].scan.measurements)
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i])
-    remarks = [*_remark(flight, rate, rounded, lost)]
+    remarks = [*flight.remarks, *remarks, *_remark(flight, rate, rounded, lost)]
+    if late:
+        remarks.append(f"duration: left out: {late} frame{'s' * (late > 1)} after {spell(setting.duration)} s")
     remarks += [] if sigma else _remark_on_covariances(flight, [found.scan for found in observed.values()])
     forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))
 
 
 def _check_pose_times(log: PoseLog, times: Array, uav: int, start: float) -> None:
-    """InputError if a frame has no pose of its UAV near its time [s]."""
+    """InputError if a frame has no pose of its UAV near its time [s], unless the camera stands still there."""
+    if len(log.times) == 1 or not len(times):
+        return
     near = np.searchsorted(log.times, times)
-    before, after = log.times[np.maximum(near - 1, 0)], log.times[np.minimum(near, len(log.times) - 1)]
-    gaps = np.minimum(np.abs(times - before), np.abs(times - after))
-    if len(gaps) and gaps.max() > _POSE_GAP:
-        at, first, last = (spell(start + time) for time in (times[gaps.argmax()], *log.times[[0, -1]]))
-        far = f"UAV {uav} has a frame at {at} s, but no pose within {_POSE_GAP:g} s"
-        raise InputError(f"poses: {far}; its poses are from {first} to {last} s; are both in seconds, of one clock?")
+    before, after = np.maximum(near - 1, 0), np.minimum(near, len(log.times) - 1)
+    gaps = np.minimum(np.abs(times - log.times[before]), np.abs(times - log.times[after]))
+    moves = (before == after) | (np.abs(log.rows[before] - log.rows[after]) > _STILL).any(axis=1)
+    worst = int(np.where(moves, gaps, 0.0).argmax())
+    if not moves[worst] or gaps[worst] <= _POSE_GAP:
+        return
+    at, first, last = (spell(start + time) for time in (times[worst], *log.times[[0, -1]]))
+    far = f"UAV {uav} has a frame at {at} s, but no pose within {_POSE_GAP:g} s"
+    if before[worst] != after[worst]:
+        raise InputError(f"poses: {far}, and moves there; give a pose every {_POSE_GAP:g} s")
+    raise InputError(f"poses: {far}; its poses are from {first} to {last} s; are both in seconds, of one clock?")
 
 
 def _find_places(frame: LoggedFrame, pose: Pose, camera: Camera) -> Array:

@@ -26,7 +26,7 @@ STATE = ("x", "y", "vx", "vy")  # m, m/s
 # Upper triangle of a covariance by rows; each entry is named by its two states.
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
 TRACK = ("time", "uav", "id", *STATE, *COVARIANCE, "existence")
-_NOWHERE = (math.nan, math.nan)
+NOWHERE = (math.nan, math.nan)
 
 
 class PoseLog(NamedTuple):
@@ -43,10 +43,17 @@ class PoseLog(NamedTuple):
 class LoggedDetection(NamedTuple):
     """One detection, on the ground or in the image; NaN for what is not known."""
 
-    place: tuple[float, float] = _NOWHERE  # m
+    place: tuple[float, float] = NOWHERE  # m
     covariance: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # xx, xy, yy [m²]
-    pixel: tuple[float, float] = _NOWHERE  # of the person's mid-height
+    pixel: tuple[float, float] = NOWHERE  # of the person's mid-height
     person: str = ""  # id, if this is a label
+    category: str = ""  # name of its class, or a number without a name
+    score: float = math.nan  # the detector's confidence
+
+    @property
+    def is_somewhere(self) -> bool:
+        """False for a box without a size."""
+        return not (math.isnan(self.place[0]) and math.isnan(self.pixel[0]))
 
 
 class LoggedFrame(NamedTuple):
@@ -63,6 +70,7 @@ class CameraFrames(NamedTuple):
     frames: list[LoggedFrame]
     people: Sequence[LoggedFrame] = ()  # with the ids of people, if they are known
     size: tuple[int, int] | None = None  # width and height of the images, if known
+    categories: Mapping[str, str] = {}  # names of the classes that have numbers, which detections have, too
 
 
 class LoggedCamera(NamedTuple):
@@ -113,6 +121,7 @@ class LoggedFlight:
     start: float  # s, time in the files of the first frame
     origin: tuple[float, float]  # m, place in the files of the origin
     labels: Path | None  # file of the people, if they are known
+    remarks: tuple[str, ...] = ()  # on what was read
 
     @property
     def places(self) -> Array:
