@@ -14,7 +14,8 @@ from sim.exchange.values import CameraFrames, LoggedFlight, LoggedFrame, LoggedU
 from tracking.errors import InputError, list_numbers, spell
 from tracking.geometry.visibility import Forest
 
-_LIKELY = ((1e7, "nanoseconds"), (1e4, "microseconds"), (20.0, "milliseconds"))  # with as many s between frames
+# Units of times with more than so many s between frames, or since an epoch; in seconds, 1e11 are 3000 years.
+_LIKELY = ((1e7, 1e17, "nanoseconds"), (1e4, 1e14, "microseconds"), (20.0, 1e11, "milliseconds"))
 _FARTHEST = 9_000.0  # m, of places from the origin
 
 
@@ -64,8 +65,9 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str, selecti
         raise InputError(f"FLIGHT: {folder}: has {list_numbers('UAV', sorted(cameras))}; number UAVs from 0")
     for uav, seen in found.items():
         gap = find_gap(seen.frames)
-        if unit := next((unit for least, unit in _LIKELY if gap > least), ""):
-            span = f"frames of UAV {uav} are {spell(gap, 3)} s apart"
+        time = seen.frames[0].time
+        if unit := next((unit for apart, since, unit in _LIKELY if gap > apart or abs(time) > since), ""):
+            span = f"frames of UAV {uav} are {spell(gap, 3)} s apart, and begin at {spell(time)} s"
             raise InputError(f"detections: {folder}, column time_s: {span}; are these {unit}?")
     start = min(seen.frames[0].time + cameras[uav].clock_offset for uav, seen in found.items())
     uavs = []

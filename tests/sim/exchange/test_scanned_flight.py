@@ -177,6 +177,9 @@ def above(row, header=PLACES[1]):
 TURNED = above("{t},{i},0,0,20,1,0,0,0", f"{PLACES[1]},qx,qy,qz,qw")
 REFUSED = {
     "are these nanoseconds?": {"detections": [SEEN, "0,0,1,1", "200000000,0,1,1", "0,1,1,1"]},
+    "16.7 s apart, and begin at 1764376351000 s; are these milliseconds?": {
+        "detections": [SEEN, *(f"{1764376351000 + k / 0.06},{i},1,1" for k in range(9) for i in (0, 1))]
+    },
     "no pose within 2 s; its poses are from 1700000000 to 1700000009 s": above("170000000{t},{i},0,0,20"),
     "poses.csv, line 4, column uav: UAV 0 has another pose at 0 s in line 2; number the UAVs apart": {
         "poses": [PLACES[1], "0,0,0,0,20", "9,0,0,0,20", "0,0,9,0,20"]
