@@ -6,16 +6,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 
 from sim.exchange.flight_area import WIDEST, choose_area, leave_area
+from sim.exchange.flight_doubts import name_axes
 from sim.exchange.flight_files import read_files
-from sim.exchange.flight_setting import EXACT, make_setting
+from sim.exchange.flight_setting import EXACT, make_setting, pick_tree_keys
 from sim.exchange.people_selection import Selection
 from sim.exchange.values import LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
+from sim.scenario.loading import decode
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
@@ -90,9 +92,12 @@ def read_flight(
     folder = Path(folder)
     own = folder / "scenario.toml"
     given = read_toml(own, "scenario") if own.exists() else {}
-    apply_overrides(given, overrides)
+    of_uavs = [override for override in overrides if override.startswith("uavs")]
+    apply_overrides(given, [override for override in overrides if override not in of_uavs])
     selection = Selection(tuple(filter(None, map(str.strip, classes.split(",")))), least_score)
-    flight = read_files(folder, origin, detector, selection)
+    trees = decode({"trees": pick_tree_keys(given)}).trees
+    flight = read_files(folder, origin, detector, selection, trees)
+    _override_uavs(given, of_uavs, len(flight.uavs))
     setting = make_setting(folder, given, flight)
     people = _find_people(flight, setting)
     if "area" in given:
@@ -106,6 +111,14 @@ def read_flight(
         reach = "all that cameras, trees and people reach" if people else "all that cameras and trees reach"
         remarks = [f"area: {area.width:g} × {area.height:g} m was chosen, with {reach}"]
     return _place_on_scans(flight, setting, people, sigma, remarks)
+
+
+def _override_uavs(given: dict[str, Any], overrides: Sequence[str], count: int) -> None:
+    """Apply overrides of UAVs, of which the scenario may list fewer than the flight has, in place."""
+    rows = given.get("uavs", [])
+    if overrides and isinstance(rows, list):
+        given["uavs"] = [*rows, *({} for _ in range(count - len(rows)))]
+    apply_overrides(given, overrides)
 
 
 def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None:
@@ -237,7 +250,7 @@ def _check_attitude(scans: Sequence[Scan]) -> None:
     if scans and not any(_sees_ground(scan) for scan in scans):
         always = f"the camera of UAV {scans[0].uav} looks above the horizon in each of its {len(scans)} frames"
         hint = "quaternions are xyzw, 0,0,0,1 looks straight down, and pitch_deg is -90 there"
-        raise InputError(f"poses: {always}; {hint}; are these wxyz?")
+        raise InputError(f"poses: {always}; {hint}{name_axes(np.array([scan.pose.quaternion for scan in scans]))}")
 
 
 def _sees_ground(scan: Scan) -> bool:

@@ -80,6 +80,7 @@ class LoggedCamera(NamedTuple):
     size: tuple[int, int]  # width and height of the images [pixel]
     clock_offset: float = 0.0  # s, to add to the UAV's times
     spans: str = ""  # what its angle of view is over, if that is a part of the images
+    axes: str = "image"  # of the quaternions of its poses
 
     def fit(self, size: tuple[int, int], where: str) -> "LoggedCamera":
         """The camera of images of this size: of wide ones, if its own square is that in their middle; else InputError.

@@ -139,8 +139,9 @@ def read_csv(
         given = [entry.strip() for entry in next(filter(any, table), [])]
         rows: Iterable[list[str]] = table
         commented = _split(next(filter(None, reversed(head)), "").lstrip("# "), delimiter)
-        told = {*columns} & {*translate(commented)}
-        if len(commented) == len(given) and len(told) > len({*columns} & {*translate(given)}):
+        known = {*columns, *(aliases or {}).values(), *(spares or {}).values()}
+        told = len(known & {*translate(commented)})
+        if len(commented) == len(given) and told > len(known & {*translate(given)}):
             rows = chain([given], table)
             given = commented
         elif nameless and len(given) == len(columns) and _are_numbers(given):
