@@ -41,7 +41,7 @@ from planning.prediction.quadrangle import inside, shortest_move
 from planning.prediction.response import mean_velocities, response
 from planning.testing.made_up_teams import make_random_team
 from sim.environments.observations import Observations
-from sim.exchange.export import EXPORTS, LABELS, write_labelled_images
+from sim.exchange.export import EXPORTS, LABELS, check_options, write_labelled_images
 from sim.exchange.export import export as write_export
 from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
@@ -366,6 +366,7 @@ def export(
     out: str | Path,
     *,
     truth: bool = True,
+    images: str | None = None,
     every: float = 0.0,
     splits: Mapping[int, str] | None = None,
 ) -> None:
@@ -376,6 +377,7 @@ def export(
         to: "csv", "stonesoup", "mot", "parquet" or "rosbag"; for labelled images "coco" or "yolo".
         out: New folder, written completely or not at all.
         truth: False to leave people, errors and events out of a bag.
+        images: "png" for images in a bag without loss, in place of "jpeg".
         every: Least time [s] between two labelled images of one camera.
         splits: "val" or "test" for labelled images of missions of a seed; all others are for training.
 
@@ -383,6 +385,7 @@ def export(
         InputError: If an argument cannot be used, or a library that writes the format is not installed.
     """
     check_known("to", to, [*EXPORTS, *LABELS])
+    check_options(to, truth=truth, images=images)
     given = [flights] if isinstance(flights, Flight) else list(flights)
     if to in LABELS:
         if any(flight.recording.frames is not None for flight in given):
@@ -391,7 +394,7 @@ def export(
     elif len(given) != 1:
         raise InputError(f"flights: {len(given)} are given; {to} takes one")
     else:
-        write_export(given[0].recording, to, Path(out), truth=truth)
+        write_export(given[0].recording, to, Path(out), truth=truth, images=images)
 
 
 def parallel_env(

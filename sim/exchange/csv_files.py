@@ -31,6 +31,7 @@ from sim.scenario.camera_settings import CameraSettings, read_camera
 from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.scenario import leave_out_removed_keys
 from sim.scenario.settings_text import format_toml
+from sim.scenario.uavs import Uav
 from sim.world.stem_map import TREE_COLUMNS
 from tracking.errors import InputError, spell
 from tracking.settings import read_settings
@@ -213,16 +214,20 @@ def write_csv(recording: Recording, folder: Path) -> None:
     write_map_and_settings(recording, folder)
 
 
-def write_truth(recording: Recording, folder: Path) -> None:
-    """Write the people into `truth.csv`, if they are known."""
+def write_truth(recording: Recording, folder: Path, *, start: float = 0.0) -> None:
+    """Write the people into `truth.csv`, if they are known; start: time there [s] of the first scan."""
     if recording.labelled:
-        rows = list_rows(list_truth(recording), ("time", "person", "x", "y"))
+        truth = list_truth(recording)
+        rows = list_rows({**truth, "time": truth["time"] + start}, ("time", "person", "x", "y"))
         write_table(folder / "truth.csv", ("time_s", "id", "x_m", "y_m"), rows)
 
 
-def write_map_and_settings(recording: Recording, folder: Path) -> None:
-    """Write `scenario.toml` and `trees.csv`."""
+def write_map_and_settings(recording: Recording, folder: Path, *, truth: bool = True) -> None:
+    """Write `scenario.toml` and `trees.csv`; truth: False for cameras as the fleet believes them to be."""
     settings = leave_out_removed_keys(json.loads(recording.scenario))
+    for uav, table in zip(recording.setting.uavs, settings["uavs"], strict=True):
+        if uav.camera and not truth:
+            table["camera"] = _describe_calibration(uav)
     flown = settings | {"duration": float(recording.times[-1]) or recording.setting.duration}
     (folder / "scenario.toml").write_text(format_toml(flown), encoding="utf-8")
     trees = [["" if math.isinf(value) else value for value in row] for row in recording.trees.tolist()]
@@ -251,6 +256,13 @@ def _list_detections(recording: Recording) -> Iterator[Cells]:
             yield [scan.time, uav, *[""] * 7]
 
 
+def _describe_calibration(uav: Uav) -> dict[str, Any]:
+    """The keys of a calibrated camera, as the fleet believes it to be."""
+    o = uav.believed_camera.optics
+    calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5], "distortion": list(o.distortion)}
+    return {"width": o.width, "height": o.height, **calibration}
+
+
 def _write_cameras(recording: Recording, folder: Path) -> None:
     """Write `cameras.csv`, and a file for each calibrated camera, as the fleet believes it to be."""
     uavs = recording.setting.uavs
@@ -258,10 +270,8 @@ def _write_cameras(recording: Recording, folder: Path) -> None:
     for i, uav in enumerate(uavs):
         rows.append([i, uav.fov_deg, uav.pixels, ""])
         if uav.camera:
-            o = uav.believed_camera.optics
-            calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5], "distortion": list(o.distortion)}
             rows[-1][-1] = f"camera{i}.toml"
-            text = format_toml({"width": o.width, "height": o.height, **calibration})
+            text = format_toml(_describe_calibration(uav))
             (folder / f"camera{i}.toml").write_text(text, encoding="utf-8")
     columns = [*CAMERA_COLUMNS, *["camera"] * any(uav.camera for uav in uavs)]
     write_table(folder / "cameras.csv", columns, (row[: len(columns)] for row in rows))

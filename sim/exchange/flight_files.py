@@ -11,12 +11,13 @@ from sim.exchange.flight_doubts import find_doubts, turn
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
 from sim.exchange.people_selection import Selection, select_people
-from sim.exchange.ros_flight import find_bag, read_bag
+from sim.exchange.ros_flight import BagFlight, find_bag, read_bag
 from sim.exchange.values import CameraFrames, LoggedCamera, LoggedFlight, LoggedFrame, LoggedUav, PoseLog, find_gap
 from sim.scenario.environment import Trees
 from sim.world.stem_map import StemMap, read_stem_map
 from tracking.errors import InputError, list_numbers, spell
 from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array
 
 # Units of times with more than so many s between frames, or since an epoch; in seconds, 1e11 are 3000 years.
 _LIKELY = ((1e7, 1e17, "nanoseconds"), (1e4, 1e14, "microseconds"), (20.0, 1e11, "milliseconds"))
@@ -50,20 +51,19 @@ def read_files(
     detector: name of what finds people if the flight has images in place of detections. selection: of people among
     detections. trees: how to read the stem map.
     """
-    if not folder.is_dir():
-        raise InputError(f"FLIGHT: {folder} is not a folder; expected one with poses.csv and detections.csv, or a bag")
-    logged = None if (folder / "poses.csv").exists() else find_bag(folder)
-    bag = read_bag(logged) if logged else {}
-    own = folder / "cameras.csv"
-    cameras = {i: uav.camera for i, uav in bag.items()} if bag and not own.exists() else read_cameras(own)
-    poses = {i: uav.poses for i, uav in bag.items()} or read_poses(folder / "poses.csv")
-    poses = _turn(poses, cameras)
+    if not folder.is_dir() and find_bag(folder) is None:
+        expected = "expected one with poses.csv and detections.csv, or a bag of ROS 2"
+        raise InputError(f"FLIGHT: {folder} is not a folder; {expected}")
     read = next((read for name, read in _FORMATS.items() if any(folder.glob(name))), None)
-    if read is None and bag:
-        found = {i: CameraFrames(uav.frames) for i, uav in bag.items()}
-    else:
-        known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
-        found = (read or _FORMATS["detections.csv"])(folder, known, detector, trees)
+    cameras_file, poses_file = folder / "cameras.csv", folder / "poses.csv"
+    there = {"cameras": cameras_file.exists(), "poses": poses_file.exists(), "detections": read is not None}
+    lacking = [part for part, found in there.items() if not found]
+    logged = find_bag(folder) if lacking else None
+    bag = read_bag(logged, lacking) if logged else BagFlight({}, {}, {}, [])
+    cameras = bag.cameras or read_cameras(cameras_file)
+    poses = _turn(bag.poses or read_poses(poses_file), cameras)
+    known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
+    found = bag.frames or (read or _FORMATS["detections.csv"])(folder, known, detector, trees)
     found, remarks = select_people(found, selection)
     for name, numbers in (("its poses", {*poses}), ("its detections", {*found})):
         if odd := sorted(numbers ^ {*cameras}):
@@ -82,11 +82,12 @@ def read_files(
         size = found[i].size
         camera = cameras[i] if size is None else cameras[i].fit(size, f"FLIGHT: {folder}, UAV {i}")
         later = camera.clock_offset - start
-        moved = PoseLog(poses[i].times + later, poses[i].rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
+        moved = PoseLog(_delay(poses[i].times, later), poses[i].rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
         frames = [_shift(frame, later, origin) for frame in found[i].frames]
         people = [_shift(frame, later, origin) for frame in found[i].people]
         uavs.append(LoggedUav(camera, moved, frames, people))
     stems = _read_trees(folder, replace(trees, origin=origin))
+    remarks = [*bag.remarks, *remarks]
     remarks += [f"cameras: UAV {i}: {uav.camera.spans}" for i, uav in enumerate(uavs) if uav.camera.spans]
     remarks += [*find_doubts(folder, uavs), *filter(None, (stems.summary, *stems.remarks))]
     flight = LoggedFlight(uavs, Forest(stems.trees), start, origin, _find_labels(folder, found), remarks)
@@ -124,4 +125,9 @@ def _find_labels(folder: Path, found: Mapping[int, CameraFrames]) -> Path | None
 def _shift(frame: LoggedFrame, later: float, origin: tuple[float, float]) -> LoggedFrame:
     x, y = origin
     moved = [found._replace(place=(found.place[0] - x, found.place[1] - y)) for found in frame.detections]
-    return LoggedFrame(frame.time + later, frame.where, moved)
+    return LoggedFrame(float(_delay(np.array(frame.time), later)), frame.where, moved)
+
+
+def _delay(times: Array, later: float) -> Array:
+    """Times [s], so much [s] later; to the nanosecond, as a stamp less the first one is not exact."""
+    return (times + later).round(9) if later else times

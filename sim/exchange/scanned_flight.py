@@ -16,7 +16,7 @@ from sim.exchange.flight_doubts import name_axes
 from sim.exchange.flight_files import read_files
 from sim.exchange.flight_setting import EXACT, make_setting, pick_tree_keys
 from sim.exchange.people_selection import Selection
-from sim.exchange.values import LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
+from sim.exchange.values import POSE_GAP, LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
 from sim.scenario.loading import decode
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
@@ -32,8 +32,6 @@ from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.track import Scan
 
-_POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
-_STILL = 1e-3  # m, and parts of a quaternion, by which poses of a camera that stands still differ at most
 _NEAR = 0.49  # periods, up to which a person is there before the first time and after the last, in scans and samples
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
 
@@ -191,19 +189,14 @@ def _place_on_scans(
 
 def _check_pose_times(log: PoseLog, times: Array, uav: int, start: float) -> None:
     """InputError if a frame has no pose of its UAV near its time [s], unless the camera stands still there."""
-    if len(log.times) == 1 or not len(times):
+    gaps = log.distances(times)
+    if not len(gaps) or gaps.max() <= POSE_GAP:
         return
-    near = np.searchsorted(log.times, times)
-    before, after = np.maximum(near - 1, 0), np.minimum(near, len(log.times) - 1)
-    gaps = np.minimum(np.abs(times - log.times[before]), np.abs(times - log.times[after]))
-    moves = (before == after) | (np.abs(log.rows[before] - log.rows[after]) > _STILL).any(axis=1)
-    worst = int(np.where(moves, gaps, 0.0).argmax())
-    if not moves[worst] or gaps[worst] <= _POSE_GAP:
-        return
-    at, first, last = (spell(start + time) for time in (times[worst], *log.times[[0, -1]]))
-    far = f"UAV {uav} has a frame at {at} s, but no pose within {_POSE_GAP:g} s"
-    if before[worst] != after[worst]:
-        raise InputError(f"poses: {far}, and moves there; give a pose every {_POSE_GAP:g} s")
+    worst = times[gaps.argmax()]
+    at, first, last = (spell(start + time) for time in (worst, *log.times[[0, -1]]))
+    far = f"UAV {uav} has a frame at {at} s, but no pose within {POSE_GAP:g} s"
+    if log.covers(worst):
+        raise InputError(f"poses: {far}, and moves there; give a pose every {POSE_GAP:g} s")
     raise InputError(f"poses: {far}; its poses are from {first} to {last} s; are both in seconds, of one clock?")
 
 

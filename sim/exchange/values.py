@@ -27,6 +27,8 @@ STATE = ("x", "y", "vx", "vy")  # m, m/s
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
 TRACK = ("time", "uav", "id", *STATE, *COVARIANCE, "existence")
 NOWHERE = (math.nan, math.nan)
+POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
+_STILL = 1e-3  # m, and parts of a quaternion, by which poses of a camera that stands still differ at most
 
 
 class PoseLog(NamedTuple):
@@ -38,6 +40,20 @@ class PoseLog(NamedTuple):
     def at(self, times: Array) -> Array:
         """Poses (N, 7) at times (N,) s, interpolated; the first and the last one also hold before and after."""
         return interpolate_poses(self.times, self.rows, np.clip(times, *self.times[[0, -1]]))
+
+    def distances(self, times: Array) -> Array:
+        """Time (N,) s from each of the times (N,) s to the nearest pose; 0 where the camera stands still."""
+        if len(self.times) == 1:
+            return np.zeros(len(times))
+        near = np.searchsorted(self.times, times)
+        before, after = np.maximum(near - 1, 0), np.minimum(near, len(self.times) - 1)
+        gaps = np.minimum(np.abs(times - self.times[before]), np.abs(times - self.times[after]))
+        moves = (before == after) | (np.abs(self.rows[before] - self.rows[after]) > _STILL).any(axis=1)
+        return np.where(moves, gaps, 0.0)
+
+    def covers(self, times: Array) -> Flags:
+        """Mask (N,) of the times (N,) s that are not before the first pose or after the last one."""
+        return np.asarray((self.times[0] <= times) & (times <= self.times[-1]))
 
 
 class LoggedDetection(NamedTuple):

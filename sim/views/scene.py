@@ -199,7 +199,7 @@ class SceneMaker:
             camera = snapshot.cameras[i]
             believed = camera if snapshot.believed is None else snapshot.believed[i]
             view = find_footprint(self._scenario, uav.true_camera, camera) if works else None
-            exact = not works or snapshot.believed is None
+            exact = not works or (snapshot.believed is None and uav.believed_camera == uav.true_camera)
             yield UavMark(
                 number=i,
                 name=f"UAV {i}" if works else f"UAV {i}: broken down",
