@@ -27,26 +27,35 @@ from sim.exchange.values import (
     make_square_camera,
 )
 from sim.mission.recording import Recording
-from sim.scenario.camera_settings import read_camera
+from sim.scenario.camera_settings import CameraSettings, read_camera
 from sim.scenario.csv_tables import TableRow, read_csv
-from sim.scenario.environment import Trees
 from sim.scenario.scenario import leave_out_removed_keys
 from sim.scenario.settings_text import format_toml
 from sim.scenario.uavs import Uav
-from sim.world.stem_map import TREE_COLUMNS, read_stem_map
+from sim.world.stem_map import TREE_COLUMNS
 from tracking.errors import InputError, spell
-from tracking.geometry.visibility import Forest
+from tracking.settings import read_settings
 
 _PLACE = ("x_m", "y_m")
-_QUATERNION = ("qx", "qy", "qz", "qw")
-_ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
+QUATERNION = ("qx", "qy", "qz", "qw")
+ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
 _PIXEL = ("u_px", "v_px")
 _CLASSES = ("class", "category", "label", "class_id", "category_id", "class_name")  # names of a column
 _SCORES = ("score", "confidence", "conf")
 _PARTS = {"place": _PLACE, "covariance": ("xx_m2", "xy_m2", "yy_m2"), "pixel": _PIXEL}  # of a detection
-POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *_QUATERNION)
+POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *QUATERNION)
 DETECTION_COLUMNS = ("time_s", "uav", *_PLACE, *_PARTS["covariance"], *_PIXEL)
 CAMERA_COLUMNS = ("uav", "fov_deg", "pixels")
+_TUM = {"timestamp": "time_s", "tx": "x_m", "ty": "y_m", "tz": "z_m"}  # names of TUM's trajectories
+# Columns of each file that are read, by the names that stand for them.
+KNOWN = {
+    "poses": _TUM | {name: name for name in (*POSE_COLUMNS, *ANGLES)},
+    "detections": {name: name for name in (*DETECTION_COLUMNS, *_CLASSES, *_SCORES)},
+    "cameras": {
+        name: name
+        for name in (*CAMERA_COLUMNS, "hfov_deg", "width_px", "height_px", "camera", "clock_offset_s", "axes")
+    },
+}
 # Endings of columns by which `tracks.csv` names units.
 _UNITS = {"time": "_s", **dict(zip(STATE, ("_m", "_m", "_m_per_s", "_m_per_s"), strict=True))}
 _UNITS |= {name: ("_m2", "_m2_per_s", "_m2_per_s2")[name.count("v")] for name in COVARIANCE}
@@ -65,7 +74,7 @@ def read_poses(path: Path) -> dict[int, PoseLog]:
     """
     found: defaultdict[int, dict[float, list[float]]] = defaultdict(dict)
     lines: dict[tuple[int, float], int] = {}
-    for row in read_csv(path, "poses", ("time_s", *_PLACE, "z_m")):
+    for row in read_csv(path, "poses", ("time_s", *_PLACE, "z_m"), spares=KNOWN["poses"]):
         uav, time = read_uav(row), row.number("time_s")
         pose = [row.number("x_m"), row.number("y_m"), row.number("z_m"), *_read_attitude(row)]
         if (uav, time) in lines and found[uav][time] != pose:
@@ -88,7 +97,7 @@ def read_detections(path: Path) -> dict[int, CameraFrames]:
     """
     found: defaultdict[int, dict[float, LoggedFrame]] = defaultdict(dict)
     rows: dict[tuple[int, float, LoggedDetection], int] = {}
-    for row in read_csv(path, "detections", ("time_s",)):
+    for row in read_csv(path, "detections", ("time_s",), spares=KNOWN["detections"]):
         if not found and not {*_PLACE} <= {*row.values} and not {*_PIXEL} <= {*row.values}:
             raise InputError(f"detections: {path}, line 1: names neither x_m and y_m nor u_px and v_px")
         uav, time = read_uav(row), row.number("time_s")
@@ -107,16 +116,18 @@ def read_detections(path: Path) -> dict[int, CameraFrames]:
 def read_cameras(path: Path) -> dict[int, LoggedCamera]:
     """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`.
 
-    There may be clock_offset_s, and width_px and height_px of images that are not square. In place of angle of view and
-    pixels, there may be the column camera: a packaged camera, or a file beside this one.
+    There may be clock_offset_s, and width_px and height_px of images that are not square: fov_deg is over a square of
+    `pixels` in the middle. In place of these two, there may be hfov_deg, which is over the width, or the column
+    camera: a packaged camera, or a file beside this one. axes are those of quaternions.
     """
     cameras: dict[int, LoggedCamera] = {}
-    for row in read_csv(path, "cameras", ()):
+    for row in read_csv(path, "cameras", (), spares=KNOWN["cameras"]):
         uav = read_uav(row)
         if uav in cameras:
             raise row.error("uav", f"UAV {uav} has a second row")
         offset = row.optional_number("clock_offset_s") or 0.0
-        cameras[uav] = _read_view(row, path)._replace(clock_offset=offset)
+        axes = row.values.get("axes") or "image"
+        cameras[uav] = _read_view(row, path)._replace(clock_offset=offset, axes=axes)
     return cameras
 
 
@@ -126,20 +137,23 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
             return make_calibrated_camera(read_camera(str(path.parent / name) if Path(name).suffix else name))
         except InputError as error:
             raise row.error("camera", str(error)) from error
+    if row.values.get("hfov_deg") and not row.values.get("fov_deg"):
+        given = {"width": row.integer("width_px"), "height": row.integer("height_px")}
+        try:
+            return make_calibrated_camera(read_settings({**given, "hfov_deg": row.number("hfov_deg")}, CameraSettings))
+        except InputError as error:
+            raise row.error("hfov_deg", str(error)) from error
     for column in CAMERA_COLUMNS[1:]:
         if column not in row.values:
             there = ",".join(row.values)
             raise InputError(f"cameras: {path}, line 1: column {column} is missing; columns are {there}")
-    square = make_square_camera(row.number("fov_deg"), pixels := row.integer("pixels"))
+    square = make_square_camera(fov_deg := row.number("fov_deg"), pixels := row.integer("pixels"))
     width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
     if pixels > min(width, height):
-        raise row.error("pixels", f"{pixels} is more than an edge of the images of {width} × {height} pixels")
+        more = f"{pixels} is more than an edge of the images of {width} × {height} pixels"
+        square_of = "fov_deg is over a square of this edge in their middle"
+        raise row.error("pixels", f"{more}; {square_of}; if {fov_deg:g} is over the width, call it hfov_deg")
     return square if width == height == pixels else square.widen((width, height))
-
-
-def read_forest(path: Path, origin: tuple[float, float] = (0.0, 0.0)) -> Forest:
-    """The trees from a CSV file with the columns `TREE_COLUMNS`, or any other stem map; `origin` [m] is subtracted."""
-    return Forest(read_stem_map(path, "trees", Trees(origin=origin), least=0.0).trees)
 
 
 def read_uav(row: TableRow) -> int:
@@ -149,13 +163,14 @@ def read_uav(row: TableRow) -> int:
 
 def _read_attitude(row: TableRow) -> list[float]:
     """Quaternion xyzw of the camera."""
-    if any(name in row.values for name in _ANGLES):
-        yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in _ANGLES)
+    if any(name in row.values for name in ANGLES):
+        yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in ANGLES)
+        pitch = pitch if ANGLES[1] in row.values else -math.pi / 2
         turn = Rotation.from_euler("ZXZ", [-yaw, math.pi / 2 + pitch, -roll])
         return [float(part) for part in turn.as_quat()]
-    if not any(name in row.values for name in _QUATERNION):
+    if not any(name in row.values for name in QUATERNION):
         return [0.0, 0.0, 0.0, 1.0]
-    quaternion = [row.number(name) for name in _QUATERNION]
+    quaternion = [row.number(name) for name in QUATERNION]
     norm = math.hypot(*quaternion)
     if abs(norm - 1) > _WRONG:
         raise row.error("qx", f"the quaternion's norm is {norm:g}, not 1")

@@ -20,6 +20,8 @@ _RATES = (1, 2, 4, 5, 8, 10, 15, 16, 20, 24, 25, 30)
 _FINE_RATES = (20, 25, 30, 40, 50, 60, 100, 120, 200, 250, 500, 1000)
 EXACT = 1e-3  # periods, largest difference of times from a multiple
 _PHYSICS = 240  # Hz, or a multiple of the rate of scans; nothing is simulated
+# Keys of trees that say how to read a stem map.
+_TREES = ("same_place", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius", "leaf_area_density")
 _SIMULATED = ("dynamics", "wind", "appearance", "first_decision")  # keys without a meaning for a flight
 
 
@@ -51,6 +53,12 @@ def _find_crowded(times: Sequence[Array], rate: int) -> tuple[int, float, float]
     return None
 
 
+def pick_tree_keys(given: Mapping[str, Any]) -> dict[str, Any]:
+    """What the tables of a scenario say of how to read a stem map."""
+    table = given.get("trees")
+    return {key: table[key] for key in _TREES if key in table} if isinstance(table, dict) else {}
+
+
 def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -> Scenario:
     """The scenario of a flight from the tables of its `scenario.toml`, and from its other files."""
     rate = _find_rate(given, flight.uavs)
@@ -71,7 +79,7 @@ def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -
             **data,
             "duration": end or 1 / rate,
             "dynamics": "kinematic",
-            "trees": {"file": os.path.abspath(stems)} if stems.exists() else {"density": 0},
+            "trees": {"file": os.path.abspath(stems), **pick_tree_keys(given)} if stems.exists() else {"density": 0},
             "people": people,
             "uavs": list(_list_uavs(data.get("uavs", ()), flight)),
             "rates": {**data.get("rates", {}), "sensing": rate, "physics": rate * -(-_PHYSICS // rate)},

@@ -33,7 +33,7 @@ class _Image(msgspec.Struct):
 
 class _Category(msgspec.Struct):
     id: int
-    name: str
+    name: str = ""
 
 
 class _Dataset(msgspec.Struct):
@@ -44,7 +44,7 @@ class _Dataset(msgspec.Struct):
 class _Result(msgspec.Struct):
     image_id: int
     bbox: tuple[float, float, float, float]  # left, top, width and height, in pixels from the top left corner
-    category_id: int | None = None
+    category_id: float | str | None = None
     score: float | None = None
 
 
@@ -58,7 +58,8 @@ def read_coco(folder: Path) -> dict[int, CameraFrames]:
     boxes: defaultdict[int, list[LoggedDetection]] = defaultdict(list)
     for result in _read(folder / RESULTS, list[_Result]):
         left, top, width, height = result.bbox
-        number = "" if result.category_id is None else str(result.category_id)
+        given = result.category_id
+        number = f"{given:.0f}" if isinstance(given, float) else given or ""
         pixel = (left + width / 2, top + height / 2) if width > 0 and height > 0 else NOWHERE
         score = math.nan if result.score is None else result.score
         detection = LoggedDetection(pixel=pixel, category=categories.get(number, number), score=score)

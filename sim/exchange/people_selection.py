@@ -18,9 +18,7 @@ class Selection(NamedTuple):
     least_score: float | None = None  # by default more than 0
 
 
-def select_people(
-    found: Mapping[int, CameraFrames], selection: Selection
-) -> tuple[dict[int, CameraFrames], tuple[str, ...]]:
+def select_people(found: Mapping[int, CameraFrames], selection: Selection) -> tuple[dict[int, CameraFrames], list[str]]:
     """The frames of each UAV with those of their detections and labels that are people, and remarks on these.
 
     If no class has a name, people are 0 where there is a 0, as detectors count, and else 1, as COCO does.
@@ -55,7 +53,7 @@ def select_people(
         span = f"scores are {spell(scores[0], 3)} to {spell(scores[-1], 3)}"
         told.append(f"detections: {span}; --least-score leaves out the lower ones")
     kept = {uav: seen._replace(frames=frames[uav], people=labels[uav]) for uav, seen in found.items()}
-    return kept, (*told, *told_of_labels)
+    return kept, [*told, *told_of_labels]
 
 
 def _choose_classes(found: Iterable[CameraFrames], there: set[str], asked: Sequence[str]) -> set[str]:

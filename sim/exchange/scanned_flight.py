@@ -6,16 +6,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 
 from sim.exchange.flight_area import WIDEST, choose_area, leave_area
+from sim.exchange.flight_doubts import name_axes
 from sim.exchange.flight_files import read_files
-from sim.exchange.flight_setting import EXACT, make_setting
+from sim.exchange.flight_setting import EXACT, make_setting, pick_tree_keys
 from sim.exchange.people_selection import Selection
 from sim.exchange.values import POSE_GAP, LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
+from sim.scenario.loading import decode
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
@@ -88,9 +90,12 @@ def read_flight(
     folder = Path(folder)
     own = folder / "scenario.toml"
     given = read_toml(own, "scenario") if own.exists() else {}
-    apply_overrides(given, overrides)
+    of_uavs = [override for override in overrides if override.startswith("uavs")]
+    apply_overrides(given, [override for override in overrides if override not in of_uavs])
     selection = Selection(tuple(filter(None, map(str.strip, classes.split(",")))), least_score)
-    flight = read_files(folder, origin, detector, selection)
+    trees = decode({"trees": pick_tree_keys(given)}).trees
+    flight = read_files(folder, origin, detector, selection, trees)
+    _override_uavs(given, of_uavs, len(flight.uavs))
     setting = make_setting(folder, given, flight)
     people = _find_people(flight, setting)
     if "area" in given:
@@ -104,6 +109,14 @@ def read_flight(
         reach = "all that cameras, trees and people reach" if people else "all that cameras and trees reach"
         remarks = [f"area: {area.width:g} × {area.height:g} m was chosen, with {reach}"]
     return _place_on_scans(flight, setting, people, sigma, remarks)
+
+
+def _override_uavs(given: dict[str, Any], overrides: Sequence[str], count: int) -> None:
+    """Apply overrides of UAVs, of which the scenario may list fewer than the flight has, in place."""
+    rows = given.get("uavs", [])
+    if overrides and isinstance(rows, list):
+        given["uavs"] = [*rows, *({} for _ in range(count - len(rows)))]
+    apply_overrides(given, overrides)
 
 
 def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None:
@@ -162,6 +175,10 @@ def _place_on_scans(
             observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
             lost += len(frame.detections) - len(observed[k, i].scan.measurements)
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i])
+    if lost and not any(len(found.scan.measurements) for found in observed.values()):
+        every = f"all {lost} are above the horizon, or where a lens shows nothing"
+        axes = "x right, y up and z back, away from the scene"
+        raise InputError(f"detections: {every}; pitch_deg is -90 straight down, and quaternions turn a camera's {axes}")
     remarks = [*flight.remarks, *remarks, *_remark(flight, rate, rounded, lost)]
     if late:
         remarks.append(f"duration: left out: {late} frame{'s' * (late > 1)} after {spell(setting.duration)} s")
@@ -226,7 +243,7 @@ def _check_attitude(scans: Sequence[Scan]) -> None:
     if scans and not any(_sees_ground(scan) for scan in scans):
         always = f"the camera of UAV {scans[0].uav} looks above the horizon in each of its {len(scans)} frames"
         hint = "quaternions are xyzw, 0,0,0,1 looks straight down, and pitch_deg is -90 there"
-        raise InputError(f"poses: {always}; {hint}; are these wxyz?")
+        raise InputError(f"poses: {always}; {hint}{name_axes(np.array([scan.pose.quaternion for scan in scans]))}")
 
 
 def _sees_ground(scan: Scan) -> bool:
@@ -256,8 +273,8 @@ def _remark(flight: LoggedFlight, rate: int, rounded: float, lost: int) -> Itera
 def _remark_on_covariances(flight: LoggedFlight, scans: Sequence[Scan]) -> Iterator[str]:
     """A remark if detections have covariances that take poses as exact."""
     detections = (found for uav in flight.uavs for frame in uav.frames for found in frame.detections)
-    if any(math.isnan(found.covariance[0]) for found in detections):
-        traces = [np.trace(scan.covariances, axis1=1, axis2=2) for scan in scans]
-        spread = math.sqrt(np.median(np.concatenate(traces)) / 2)
+    traces = [trace for scan in scans for trace in np.trace(scan.covariances, axis1=1, axis2=2).tolist()]
+    if traces and any(math.isnan(found.covariance[0]) for found in detections):
+        spread = math.sqrt(np.median(traces) / 2)
         exact = f"those without a covariance get {spread:.2f} m, as of exact poses"
         yield f"detections: {exact}; if too many tracks begin, --sigma adds errors of poses"

@@ -95,6 +95,8 @@ class LoggedCamera(NamedTuple):
     view: Mapping[str, Any]  # `fov_deg` and `pixels`, or `camera`, of a UAV of a scenario
     size: tuple[int, int]  # width and height of the images [pixel]
     clock_offset: float = 0.0  # s, to add to the UAV's times
+    spans: str = ""  # what its angle of view is over, if that is a part of the images
+    axes: str = "image"  # of the quaternions of its poses
 
     def fit(self, size: tuple[int, int], where: str) -> "LoggedCamera":
         """The camera of images of this size: of wide ones, if its own square is that in their middle; else InputError.
@@ -114,9 +116,13 @@ class LoggedCamera(NamedTuple):
 
     def widen(self, size: tuple[int, int]) -> "LoggedCamera":
         """The camera of wide images whose middle square is this one."""
-        focal = self.view["pixels"] / 2 / tan(math.radians(self.view["fov_deg"]) / 2)
+        pixels, fov_deg = self.view["pixels"], self.view["fov_deg"]
+        focal = pixels / 2 / tan(math.radians(fov_deg) / 2)
         whole = CameraSettings(width=size[0], height=size[1], focal=(focal, focal))
-        return make_calibrated_camera(whole)._replace(clock_offset=self.clock_offset)
+        across, down = (math.degrees(2 * math.atan2(edge / 2, focal)) for edge in size)
+        part = f"fov_deg {fov_deg:g} is over {pixels} pixels in the middle of its images"
+        spans = f"{part}, so that their {size[0]} × {size[1]} span {across:.1f} × {down:.1f} deg"
+        return make_calibrated_camera(whole)._replace(clock_offset=self.clock_offset, spans=spans)
 
 
 class LoggedUav(NamedTuple):
@@ -137,7 +143,7 @@ class LoggedFlight:
     start: float  # s, time in the files of the first frame
     origin: tuple[float, float]  # m, place in the files of the origin
     labels: Path | None  # file of the people, if they are known
-    remarks: tuple[str, ...] = ()  # on what was read
+    remarks: Sequence[str] = ()  # on what was read
 
     @property
     def places(self) -> Array:

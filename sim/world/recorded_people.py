@@ -1,6 +1,7 @@
 """Recorded people: the reader of their trajectories in CSV files."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
@@ -18,6 +19,7 @@ from tracking.numerics.distances import length
 COLUMNS = ("time", "id", "x", "y")
 _FRAMES = ("frame", "id", "x", "y")
 _ALIASES = {"t": "time", "time_s": "time", "x_m": "x", "y_m": "y"}
+_SPARES = {"timestamp": "time"}
 _LATEST = 1e12  # s, largest absolute value of a time
 _SOONEST = 1e-4  # s, least time between two rows of one person; shorter ones would mean absurd speeds
 _SLACK = 1e-6  # s, by which times of POSIX may differ by rounding from the time of the sample that is meant
@@ -72,6 +74,9 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
     speeds = {person: _compute_mean_speed(rows) for person, rows in people.items() if len(rows) > 1}
     span = f"{name}: {len(people)} people, from {spell(min(times))} to {spell(max(times))} s"
     doubts = []
+    if len(people) > len({*times}) and _lacks_names(path, scenario.people):
+        count = f"has {len(people)} ids, but {len({*times})} times"
+        doubts.append(f"{name}: {count}; if the first column is the id, name the columns in a first line")
     if single := [person for person in people if person not in speeds]:
         doubts.append(f"{name}: left out: {_name_ids(single)}, in a single row; a path needs two or more")
     if not speeds:
@@ -85,6 +90,21 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
         run = f"no one has run faster than {_FASTEST} m/s"
         doubts.append(f"{name}: id {fastest} moves at {spell(speeds[fastest], 3)} m/s, but {run}; {_UNITS}")
     return line, doubts
+
+
+def _read_table(path: Path, people: People, *, nameless: bool) -> Iterator[TableRow]:
+    columns = COLUMNS if people.fps is None else _FRAMES
+    field = "people.trajectories"
+    return read_csv(path, field, columns, _ALIASES, nameless=nameless, hints=_HINTS, spares=_SPARES)
+
+
+def _lacks_names(path: Path, people: People) -> bool:
+    """True for a file without names of columns."""
+    try:
+        next(_read_table(path, people, nameless=False))
+    except InputError:
+        return True
+    return False
 
 
 def _name_ids(ids: list[str]) -> str:
@@ -112,12 +132,13 @@ def _read_people(path: Path, name: str, area: Area, people: People) -> dict[str,
     """
     found: dict[str, dict[float, Array]] = {}
     errors = RowErrors(name)
-    columns = COLUMNS if people.fps is None else _FRAMES
-    for row in read_csv(path, "people.trajectories", columns, aliases=_ALIASES, nameless=True, hints=_HINTS):
+    for row in _read_table(path, people, nameless=True):
         with errors.collect():
             person, time, place = _read_row(row, area, people)
             if time in found.setdefault(person, {}):
-                raise row.error(columns[0], f"id {person} has a second row at {spell(time)} s")
+                raise row.error(
+                    "time" if people.fps is None else "frame", f"id {person} has a second row at {spell(time)} s"
+                )
             found[person][time] = place
     errors.raise_all()
     if not found:
@@ -146,7 +167,8 @@ def _read_position(row: TableRow, area: Area, people: People) -> Array:
         if abs(value) > size / 2:
             if people.outside == "clip":
                 return np.full(2, np.nan)
-            raise row.error(column, f"{spell(value)} is outside the area, {-size / 2:g} to {size / 2:g} m")
+            far = "; people.origin is the place in the file of the area's centre" if abs(value) > size else ""
+            raise row.error(column, f"{spell(value)} is outside the area, {-size / 2:g} to {size / 2:g} m{far}")
     return position
 
 

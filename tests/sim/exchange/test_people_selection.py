@@ -146,3 +146,13 @@ def test_a_selection_that_leaves_nobody_is_refused_in_one_line(flight, files, op
     with pytest.raises(InputError, match=re.escape(complaint)) as told:
         read_flight(flight(files), **options)
     assert "\n" not in str(told.value)
+
+
+def test_the_command_takes_classes_and_a_least_score(flight, call):
+    folder = flight(mot("0.9,1,1", "0.4,3,1", "0.2,1,1"))
+    code, _, err = call("track", str(folder), "--classes", "car,pedestrian", "--least-score", "0.4", "--no-video")
+    assert code == 0
+    assert "used: 3 of class car, 3 of class pedestrian; left out: 3 with a score below 0.4\n" in err
+    code, out, err = call("track", str(folder), "--least-score", "half")
+    assert (code, out) == (2, "")
+    assert err == "understory: --least-score: 'half' is not allowed; expected a number such as 0.5\n"

@@ -309,7 +309,7 @@ def test_files_give_what_a_bag_lacks(tmp_path):
     whole = read_flight(write(tmp_path / "whole", topics))
     fov = math.degrees(2 * math.atan(540 / FOCAL))
     files = {
-        "/camera/camera_info": {"cameras.csv": ["fov_deg,pixels,width_px,height_px", f"{fov!r},1080,1920,1080"]},
+        "/camera/camera_info": {"cameras.csv": ["fov_deg,pixels,width_px,height_px,axes", f"{fov!r},1080,1920,1080,"]},
         "/detections": {"detections.csv": ["time_s,u_px,v_px", *(f"{t},960,540" for t in TIMES)]},
         "/mavros/local_position/odom": {"poses.csv": ["time_s,x_m,y_m,z_m", *(f"{t},{4 * t},0,30" for t in TIMES)]},
     }
@@ -318,8 +318,10 @@ def test_files_give_what_a_bag_lacks(tmp_path):
             folder = tmp_path / "-".join(name.strip("/").split("/")[0] for name in lacking)
             folder.mkdir()
             write(folder / "bag", {name: topic for name, topic in topics.items() if name not in lacking})
-            for name, lines in (file for topic in lacking for file in files[topic].items()):
-                (folder / name).write_text("\n".join(lines) + "\n")
+            for name, lines in (file for topic in reversed(lacking) for file in files[topic].items()):
+                # The axes are those of quaternions in `poses.csv`; a bag has those of ROS.
+                axes = "optical" if name == "cameras.csv" and not (folder / "poses.csv").exists() else ""
+                (folder / name).write_text("\n".join(lines) + axes + "\n")
             log = read_flight(folder)
             np.testing.assert_allclose(log.poses[..., :3], whole.poses[..., :3], atol=1e-9)
             found = [scan.measurements for (scan,) in log.scans()]

@@ -177,3 +177,14 @@ def test_agreement_counts_no_information_twice_and_equal_reports_change_nothing(
             assert np.linalg.eigvalsh(held.belief.covariance - best).min() > -1e-12
             assert np.linalg.eigvalsh(without - held.belief.covariance)[-2:].min() > 1e-3  # what each has alone counts
     assert average_reports({u: common.pooled for u in range(2)}, 3.0) is None
+
+
+def test_a_scan_ahead_of_the_log_is_refused_in_one_line():
+    log = ScanLog(0, fleet(2), 4)
+    for k in range(12):
+        for ahead in (0, 1, 30):
+            with pytest.raises(
+                ValueError, match=f"^k: scan {k + ahead} is ahead of this log, whose last scan is {k - 1}"
+            ):
+                log.add(k + ahead, Scan(1, 0.2 * k, ABOVE, np.zeros((0, 2)), np.zeros((0, 2, 2))))
+        log.step(0.2 * k)
