@@ -8,7 +8,8 @@ import numpy as np
 
 from sim.views.drawing.lettering import TextStyle, measure_width, write
 from sim.views.drawing.marks import draw_cross, draw_detection, draw_person_mark, draw_quadrotor
-from sim.views.drawing.palette import (
+from sim.views.drawing.strokes import cut_dashes, draw_disc, draw_line, draw_lines
+from sim.views.palette import (
     BELIEVED,
     BLUE,
     CANOPY,
@@ -20,8 +21,7 @@ from sim.views.drawing.palette import (
     mix,
     track_colour,
 )
-from sim.views.drawing.strokes import cut_dashes, draw_disc, draw_line, draw_lines
-from sim.views.scene import find_person_look
+from sim.views.scene import find_person_look, mark_trees
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Image
 
@@ -76,7 +76,7 @@ def draw_legend(
 
 
 def _list_trees(forest: Forest) -> Iterator[_Entry]:
-    covers = [solid.cover for solid in forest.solids if solid.part != "trunk"] or [1.0]
+    covers = [tree.solid.cover for tree in mark_trees(forest) if tree.is_crown] or [1.0]
     if max(covers) == 1.0:
         yield partial(_draw_tree, cover=1.0), "tree"
     if min(covers) < 1.0:

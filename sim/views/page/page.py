@@ -28,9 +28,9 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_value, list_changes
 from sim.scenario.uavs import Uav
 from sim.views.drawing.film import HEIGHT, WIDTH, lay_out_parts
+from sim.views.drawing.redrawn_film import shrink_film
 from sim.views.page.charts import Shown, choose_shown
 from sim.views.page.data import list_colours, make_page_data
-from sim.views.redrawn_film import shrink_film
 from tracking.errors import InputError, spell
 from tracking.fusion.member import TRACKERS
 
