@@ -206,7 +206,7 @@ class SceneMaker:
             poses_err=snapshot.believed is not None,
             crowd=len(snapshot.people) > _FEW_PEOPLE or len(snapshot.poses) > _FEW_UAVS,
             uavs=uavs,
-            people=self._mark_people(snapshot, working, holds),
+            people=tuple(self._mark_people(snapshot, working, holds)),
             trails=self._list_trails(shown),
             detections=() if self._labelled else tuple(mark for uav in uavs for mark in uav.detections),
             owner=working[0] if working else None,
@@ -240,28 +240,18 @@ class SceneMaker:
                 tracks=tracks[i],
             )
 
-    def _mark_people(self, snapshot: Snapshot, working: Sequence[int], holds: Indices) -> tuple[PersonMark, ...]:
+    def _mark_people(self, snapshot: Snapshot, working: Sequence[int], holds: Indices) -> Iterator[PersonMark]:
         present = ~np.isnan(snapshot.people[:, 0])
         for i in (i for i in working if snapshot.frames[i]):
             inside = self._views[i].sees(snapshot.cameras[i], at_target_height(np.nan_to_num(snapshot.people)))
             self._states[i] = find_states(inside & present, snapshot.visible[i] > 0, snapshot.matched[i])
         none = np.full(len(present), STATES.index("out of view"))
         best = np.max([none, *(self._states[i] for i in working if i in self._states)], axis=0)
-        return tuple(
-            self._mark_person(snapshot, m, STATES[best[m]], HOLDS[holds[m]]) for m in np.flatnonzero(present).tolist()
-        )
-
-    def _mark_person(self, snapshot: Snapshot, m: int, view: str, hold: str) -> PersonMark:
-        return PersonMark(
-            number=m,
-            name=f"person {m}",
-            named={"lost": LOST, "not found yet": INK}.get(hold),
-            place=snapshot.people[m],
-            heading=float(snapshot.headings[m]),
-            hold=hold,
-            view=view,
-            look=find_person_look(view, hold),
-        )
+        for m in np.flatnonzero(present).tolist():
+            view, hold = STATES[best[m]], HOLDS[holds[m]]
+            named = {"lost": LOST, "not found yet": INK}.get(hold)
+            where = snapshot.people[m], float(snapshot.headings[m])
+            yield PersonMark(m, f"person {m}", named, *where, hold, view, find_person_look(view, hold))
 
     def _list_trails(self, shown: Sequence[TrackMark]) -> tuple[Trail, ...]:
         people = np.array([old.people for old in self._past]).transpose(1, 0, 2)

@@ -101,12 +101,15 @@ def _list_trails(scenes: Sequence[Scene], stride: int, looks: Table) -> tuple[li
     known, paths, rows = Table(), list[list[Any]](), list[list[list[int]]]()
     for scene in scenes:
         rows.append([])
+        present = {person.number for person in scene.people}
         for trail in (trail for trail in scene.trails if len(trail.places)):
             number = known.index_of((trail.of_track, trail.number))
-            paths += [[]] * (number == len(paths))
-            path = paths[number] = [*paths[number], _round(trail.places[-1])]
+            if number == len(paths):
+                paths.append([])
+            paths[number] += [_round(trail.places[-1])] * (trail.of_track or trail.number in present)
+            until = len(paths[number])
             look = looks.index_of((format_css(trail.colour), trail.of_track))
-            rows[-1].append([look, number, max(len(path) - -(-len(trail.places) // stride), 0), len(path)])
+            rows[-1].append([look, number, max(until - -(-len(trail.places) // stride), 0), until])
     return paths, rows
 
 

@@ -148,6 +148,7 @@ def test_a_plan_leads_in_pictures_where_explanations_say_with_the_lag_of_quadrot
 
 def test_the_page_has_the_names_trails_contacts_and_trees_of_the_scene():
     recording = eventful()
+    recording.people[12:, 1] = np.nan  # leaves, and the trail stays for a while
     pines = tuple(Pine(float(x), 5.0) for x in (0, 20))
     vars(recording)["forest"] = Forest(pines)
     flight = Flight(recording)
