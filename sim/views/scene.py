@@ -319,6 +319,15 @@ def find_person_look(view: str, hold: str) -> PersonLook:
     return PersonLook(FAINT if view == "out of view" else INK, view == "hidden", UNHELD_COLOURS.get(hold))
 
 
+# The looks of people in legends, by what they mean.
+PEOPLE_LOOKS = {
+    "person": find_person_look("seen", "held"),
+    "hidden": find_person_look("hidden", "held"),
+    "out of view": find_person_look("out of view", "held"),
+    **{hold: find_person_look("seen", hold) for hold in UNHELD_COLOURS},
+}
+
+
 def measure_map(scenario: Scenario) -> tuple[float, float]:
     """Width and height of the map [m] with its margin."""
     return scenario.area.width + 2 * MARGIN, scenario.area.height + 2 * MARGIN

@@ -16,12 +16,12 @@ from sim.views.page.charts import Table, choose_shown, list_people_now, make_cha
 from sim.views.palette import BLUE, VERMILLION, format_css
 from sim.views.scene import (
     MARGIN,
+    PEOPLE_LOOKS,
     PersonLook,
     Scene,
     TreeMark,
     UavMark,
     find_half_axes,
-    find_person_look,
     make_scenes,
     mark_trees,
 )
@@ -149,14 +149,11 @@ def _make_map_legend(scenes: Sequence[Scene], covers: Sequence[float]) -> list[l
     """What the map shows at some scan: text, kind of the mark, and its look."""
     people = [person for scene in scenes for person in scene.people]
     uavs = [uav for scene in scenes for uav in scene.uavs]
-    views, holds = {person.view for person in people}, {person.hold for person in people}
+    states = {state for person in people for state in (person.view, person.hold)}
+    states |= {"person"} if states & {"seen", "missed"} else set()
     sparsest = min(covers, default=1.0)
     marks: list[tuple[str, str, Any, bool]] = [("porous tree", "tree", sparsest, sparsest < 1.0)]
-    for text, view in (("person", "seen"), ("hidden", "hidden"), ("out of view", "out of view")):
-        there = view in views or (view == "seen" and "missed" in views)
-        marks.append((text, "person", _format_look(find_person_look(view, "held")), there))
-    for hold in ("lost", "not found yet"):
-        marks.append((hold, "person", _format_look(find_person_look("seen", hold)), hold in holds))
+    marks += [(text, "person", _format_look(look), text in states) for text, look in PEOPLE_LOOKS.items()]
     marks += [
         ("track, 95 %", "track", format_css(VERMILLION), any(uav.tracks for uav in uavs)),
         ("view of a UAV", "view", format_css(BLUE), any(uav.view is not None for uav in uavs)),
