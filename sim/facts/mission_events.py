@@ -81,16 +81,13 @@ def _find_link_changes(recording: Recording) -> Iterator[Event]:
     links, network = find_recorded_links(recording), recording.setting.network
     up, heard = np.array([now.up for now in links]), np.array([now.contact for now in links])
     both = recording.working[:, :, None] & recording.working[:, None]
-    broken = [
-        find_broken_links(network, time, poses[:, :3])
-        for time, poses in zip(recording.times.tolist(), recording.poses, strict=True)
-    ]
+    rows = zip(recording.times.tolist(), recording.poses[:, :, :3], strict=True)
+    broken = [find_broken_links(network, time, places) for time, places in rows]
+    reasons = {name: np.array([now[name] for now in broken]) for name in broken[0]}
     for i, j in permutations(range(recording.uav_count), 2):
         if i < j:
             for first, last in _find_spans(both[:, i, j] & ~up[:, i, j]):
-                why = ", ".join(
-                    dict.fromkeys(name for now in broken[first : last + 1] for name in now if now[name][i, j])
-                )
+                why = ", ".join(name for name, mask in reasons.items() if mask[first : last + 1, i, j].any())
                 text = f"UAV {i} and UAV {j}"
                 yield make_lasting_event(recording.times, (first, last), "link lost", text, why=why, uavs=(i, j))
                 if last + 1 < len(up) and up[last + 1, i, j]:

@@ -1,25 +1,14 @@
 """Where the plan that a UAV flies leads: the home of this law, which explanations, pictures and messages share."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from planning.planner import Vehicle
-from planning.prediction.response import mean_velocities, response, vehicle_after
+from planning.prediction.response import mean_velocities, response
 from sim.mission.snapshot import FlownPlans
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import vehicle_of
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
-
-_SLACK = 1e-6  # s
-
-
-class PlannedPath(NamedTuple):
-    """Path of a UAV from now to the end of its plan: S + 1 corners, now and at the end of each step that is left."""
-
-    times: Array  # (S + 1,) s
-    corners: Array  # (S + 1, 2) m
 
 
 def make_vehicle(scenario: Scenario, uav: int, body: Pose, here: Array, before: Array) -> Vehicle:
@@ -31,20 +20,14 @@ def make_vehicle(scenario: Scenario, uav: int, body: Pose, here: Array, before: 
     return vehicle_of(uav, body, (here - before) * scenario.rates.sensing, scenario)
 
 
-def predict_path(scenario: Scenario, vehicle: Vehicle, flown: FlownPlans, now: float) -> PlannedPath:
-    """The path of a UAV, which is now as `vehicle` says, on the rest of the plan that it flies.
+def predict_path(scenario: Scenario, vehicle: Vehicle, flown: FlownPlans, now: float) -> Array:
+    """Places (S + 1, 2) m of a UAV, which is now as `vehicle` says, at each scan from now to the end of its plan.
 
-    As planners assume, its velocity follows the commands with the lag of `planning.prediction.response`.
+    As planners assume, its velocity follows the commands with the lag of `planning.prediction.response`. Steps of one
+    scan add up to those of planners, because the lag is exponential.
     """
-    step = scenario.rates.plan_step
-    begun = scenario.plan_start(flown.made)
-    over = int((now - begun + _SLACK) / step)  # steps that have been flown
-    controls = np.array(flown.plans[vehicle.id].controls[over:])
-    times = begun + step * np.arange(over, over + 1 + len(controls), dtype=float)
-    times[0] = now
-    corners = [vehicle.position[:2]]
-    if len(controls):
-        after = vehicle_after(vehicle, controls[0], times[1] - now)
-        later = mean_velocities(response([after], step), controls[1:][None, None])[0, 0]
-        corners += [after.position[:2], *(after.position[:2] + step * np.cumsum(later, axis=0))]
-    return PlannedPath(times, np.array(corners))
+    rates, step = scenario.rates, 1 / scenario.rates.sensing
+    over = round((now - scenario.plan_start(flown.made)) / step)  # scans for which the plan has been flown
+    controls = np.repeat(flown.plans[vehicle.id].controls, rates.plan_scans, axis=0)[over:]
+    flights = mean_velocities(response([vehicle], step), controls[None, None])[0, 0]
+    return np.asarray(vehicle.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(flights, axis=0)]))

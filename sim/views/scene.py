@@ -87,7 +87,7 @@ class UavMark(NamedTuple):
     believed: Pose  # of the camera, as the UAV believes
     view: Array | None  # (N, 2) m, outline of the field of view on the ground; None if it has no bounds nearby
     believed_view: Array | None  # as the UAV believes; the same as `view` if poses are exact
-    intent: Array | None  # (H + 1, 2) m, the rest of the plan that is flown, from the UAV on
+    intent: Array | None  # (H + 1, 2) m, where the plan leads: from the UAV on, at the ends of the steps that are left
     touched: str  # the body that the UAV has just touched, in words; "" for none
     detections: tuple[DetectionMark, ...]
     tracks: tuple[TrackMark, ...]
@@ -242,9 +242,10 @@ class SceneMaker:
 
     def _mark_people(self, snapshot: Snapshot, working: Sequence[int], holds: Indices) -> Iterator[PersonMark]:
         present = ~np.isnan(snapshot.people[:, 0])
+        points = at_target_height(np.nan_to_num(snapshot.people))
         for i in (i for i in working if snapshot.frames[i]):
-            inside = self._views[i].sees(snapshot.cameras[i], at_target_height(np.nan_to_num(snapshot.people)))
-            self._states[i] = find_states(inside & present, snapshot.visible[i] > 0, snapshot.matched[i])
+            inside = self._views[i].sees(snapshot.cameras[i], points) & present
+            self._states[i] = find_states(inside, snapshot.visible[i] > 0, snapshot.matched[i])
         none = np.full(len(present), STATES.index("out of view"))
         best = np.max([none, *(self._states[i] for i in working if i in self._states)], axis=0)
         for m in np.flatnonzero(present).tolist():
@@ -267,7 +268,11 @@ class SceneMaker:
             return None
         pose = snapshot.poses[uav]
         vehicle = make_vehicle(self._scenario, uav, pose, pose.position[:2], before)
-        return predict_path(self._scenario, vehicle, snapshot.flown, snapshot.time).corners
+        path, step = (
+            predict_path(self._scenario, vehicle, snapshot.flown, snapshot.time),
+            self._scenario.rates.plan_scans,
+        )
+        return np.vstack([path[:1], path[(len(path) - 1) % step or step :: step]])
 
 
 def make_scenes(recording: Recording, holds: Indices) -> Iterator[Scene]:

@@ -15,7 +15,6 @@ from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Indices
 
 OUT_OF_VIEW, HIDDEN, IN_VIEW = 0, 1, 2  # states of a place in a camera
-_SLACK = 1e-6  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +43,10 @@ def find_planned_visibility(
         return None
     body, places = recording.believed_bodies[k, uav], recording.poses[:, uav, :2]
     vehicle = make_vehicle(scenario, uav, Pose(body[:3], body[3:]), places[k], places[max(k - 1, 0)])
-    planned = predict_path(scenario, vehicle, flown, now)
-    times = now + np.arange(1, int((planned.times[-1] - now + _SLACK) * rate) + 1) / rate
-    if len(times) == 0:
+    path = predict_path(scenario, vehicle, flown, now)[1:]
+    if len(path) == 0:
         return None
-    path = np.column_stack([np.interp(times, planned.times, axis) for axis in planned.corners.T])
+    times = now + np.arange(1, len(path) + 1) / rate
     views = [Pose(np.append(place, vehicle.position[2]), vehicle.attitude) for place in path]
     known = recording.people[k + 1 : k + 1 + len(times), person]
     ahead = np.full(len(times), -1)
