@@ -44,7 +44,7 @@ from sim.environments.observations import Observations
 from sim.exchange.export import EXPORTS, LABELS, check_options, write_labelled_images
 from sim.exchange.export import export as write_export
 from sim.exchange.scanned_flight import read_flight
-from sim.exchange.tracked_flight import track_flight
+from sim.exchange.tracked_flight import name_flight, track_flight
 from sim.facts.flight import Flight, load
 from sim.facts.metrics.metric import Metric, Outcome
 from sim.mission.mission import Mission
@@ -258,7 +258,7 @@ def track(
         classes=classes,
         least_score=least_score,
     )
-    return Flight(track_flight(flight, name=f"flight {Path(folder).resolve().name}").recording)
+    return Flight(track_flight(flight, name=name_flight(Path(folder))).recording)
 
 
 def mission(

@@ -46,7 +46,7 @@ class Track:
     sighting: Array = field(default_factory=lambda: np.full(3, np.nan))
 
     def renumber(self, id: int) -> Track:
-        """The same track by another id, in half the constructor's time: films renumber thousands in a scan."""
+        """The same track by another id, in half the constructor's time."""
         track = object.__new__(Track)
         track.__dict__.update(self.__dict__, id=id)
         return track

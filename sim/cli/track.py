@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from sim.exchange.scanned_flight import read_flight
-from sim.exchange.tracked_flight import track_flight
+from sim.exchange.tracked_flight import name_flight, track_flight
 from sim.facts.flight import Flight
 from sim.facts.metrics.summary import make_results_table
 from sim.mission.atomic_files import claim_place, make_new_folder
@@ -18,7 +18,7 @@ from sim.scenario.quantities import parse_number, parse_seed_and_repeat
 from sim.terminal.commands import Overrides
 from sim.terminal.console import console, print_remarks, say, show_files, show_place
 from sim.terminal.progress import show_counted_progress
-from sim.views.redrawn_film import write_film
+from sim.views.drawing.redrawn_film import write_film
 from tracking.errors import InputError
 
 _Flight = Annotated[Path, typer.Argument(metavar="FLIGHT", help="Folder of a flight's files, or a bag of ROS 2.")]
@@ -67,7 +67,7 @@ def track(
     with claim_place(out, Path("runs") / f"track-{name}") as place, make_new_folder(place) as folder:
         scans = len(scanned.frames)
         with show_counted_progress(scans, "scans") as progress:
-            outcome = track_flight(scanned, name=f"flight {name}", seed=drawn, progress=progress)
+            outcome = track_flight(scanned, name=name_flight(flight), seed=drawn, progress=progress)
         results = Results(folder, place, video, ())
         if video:
             with show_counted_progress(scans, "pictures") as progress:

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from sim.exchange.ros_bag import RosMessage, count_nanoseconds
 from sim.mission.recording import Recording
-from sim.views.drawing.palette import CANOPY, DETECTION, FAINT, PANEL, TRUNK, Colour, lighten
-from sim.views.scene import Scene, UavMark, find_half_axes
+from sim.views.palette import DETECTION, FAINT, PANEL, Colour, lighten
+from sim.views.scene import Scene, UavMark, find_half_axes, mark_trees
 from tracking.geometry.person import PERSON_HEIGHT, PERSON_SIZE, TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 
@@ -41,14 +41,14 @@ def head(time: float, frame: str = WORLD) -> tuple[tuple[int, int], str]:
 
 def draw_forest(recording: Recording) -> RosMessage:
     """The edge of the area, trunks and canopies."""
-    area, forest = recording.setting.area, recording.forest
+    area = recording.setting.area
     x, y = area.width / 2, area.height / 2
     corners = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0), (-x, -y, 0.0)]
     found = [_draw_line(0.0, _Ink("area", 0, FAINT), corners)]
-    for s, tree in zip(forest.solids, forest.tree_of_solids.tolist(), strict=True):
-        look = ("trunks", tree, TRUNK) if s.part == "trunk" else ("canopies", tree, CANOPY, _SEE_THROUGH * s.cover)
+    for tree, is_crown, colour, s in mark_trees(recording.forest):
+        kind, opacity = ("canopies", _SEE_THROUGH * s.cover) if is_crown else ("trunks", 1.0)
         size = (2 * s.radius, 2 * s.radius, s.top - s.bottom)
-        found.append(_draw_cylinder(0.0, _Ink(*look), (s.x, s.y, (s.bottom + s.top) / 2), size))
+        found.append(_draw_cylinder(0.0, _Ink(kind, tree, colour, opacity), (s.x, s.y, (s.bottom + s.top) / 2), size))
     return {"markers": found}
 
 
@@ -59,10 +59,9 @@ def draw_people(scene: Scene) -> RosMessage:
         (x, y), trouble = person.place.tolist(), person.look.trouble
         ink = _Ink("people", person.number, trouble or PANEL)
         found.append(_draw_cylinder(scene.time, ink, (x, y, TARGET_HEIGHT), PERSON_SIZE))
-        if trouble:
-            name = ink._replace(namespace="names", colour=lighten(trouble))
-            above = (x, y, PERSON_HEIGHT + _LETTERS)
-            found.append(_write(scene.time, name, above, f"{person.name} {person.hold}"))
+        if person.named:
+            name = ink._replace(namespace="names", colour=lighten(ink.colour))
+            found.append(_write(scene.time, name, (x, y, PERSON_HEIGHT + _LETTERS), person.title))
     return {"markers": found}
 
 
