@@ -40,7 +40,7 @@ def filter_centrally(scans, until):
 
 
 @pytest.mark.parametrize("hold", [4, 9])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_late_scans_give_the_central_filter_with_the_same_delays(seed, hold):
     """Delays are drawn up to 7 scans, so that with a hold of 4 some scans are too late; a tenth is lost."""
     rng, uavs, scans = np.random.default_rng(seed), 4, {}
@@ -125,7 +125,7 @@ def test_pooled_messages_are_those_of_a_round_in_which_all_hear_each_other():
     assert len(begun) >= 5 and len(state.trackers[0].tracks) >= 4
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_uavs_that_lacked_scans_for_longer_than_the_hold_agree_on_tracks_and_ids_again(seed):
     """Two pairs of UAVs find the same and other people during 6 s apart; six holds later no track is double."""
     rng, hold, heard = np.random.default_rng(seed), 4, {}
