@@ -137,23 +137,24 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
             return make_calibrated_camera(read_camera(str(path.parent / name) if Path(name).suffix else name))
         except InputError as error:
             raise row.error("camera", str(error)) from error
-    if row.values.get("hfov_deg") and not row.values.get("fov_deg"):
-        given = {"width": row.integer("width_px"), "height": row.integer("height_px")}
-        try:
-            return make_calibrated_camera(read_settings({**given, "hfov_deg": row.number("hfov_deg")}, CameraSettings))
-        except InputError as error:
-            raise row.error("hfov_deg", str(error)) from error
-    for column in CAMERA_COLUMNS[1:]:
+    across = bool(row.values.get("hfov_deg")) and not row.values.get("fov_deg")
+    for column in ("width_px", "height_px") if across else CAMERA_COLUMNS[1:]:
         if column not in row.values:
             there = ",".join(row.values)
             raise InputError(f"cameras: {path}, line 1: column {column} is missing; columns are {there}")
-    square = make_square_camera(fov_deg := row.number("fov_deg"), pixels := row.integer("pixels"))
-    width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
-    if pixels > min(width, height):
-        more = f"{pixels} is more than an edge of the images of {width} × {height} pixels"
-        square_of = "fov_deg is over a square of this edge in their middle"
-        raise row.error("pixels", f"{more}; {square_of}; if {fov_deg:g} is over the width, call it hfov_deg")
-    return square if width == height == pixels else square.widen((width, height))
+    try:
+        if across:
+            size = {"width": row.integer("width_px"), "height": row.integer("height_px")}
+            return make_calibrated_camera(read_settings({**size, "hfov_deg": row.number("hfov_deg")}, CameraSettings))
+        square = make_square_camera(fov_deg := row.number("fov_deg"), pixels := row.integer("pixels"))
+        width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
+        if pixels > min(width, height):
+            more = f"pixels: {pixels} is more than an edge of the images of {width} × {height} pixels"
+            square_of = "fov_deg is over a square of this edge in their middle"
+            raise InputError(f"{more}; {square_of}; if {fov_deg:g} is over the width, call it hfov_deg")
+        return square if width == height == pixels else square.widen((width, height))
+    except InputError as error:
+        raise InputError(str(error) if str(error).startswith(row.where) else f"{row.where}: {error}") from error
 
 
 def read_uav(row: TableRow) -> int:
@@ -170,6 +171,8 @@ def _read_attitude(row: TableRow) -> list[float]:
         return [float(part) for part in turn.as_quat()]
     if not any(name in row.values for name in QUATERNION):
         return [0.0, 0.0, 0.0, 1.0]
+    if not {*QUATERNION} <= {*row.values}:
+        raise InputError(f"{row.where}: columns {', '.join(QUATERNION)} belong together; one of them is missing")
     quaternion = [row.number(name) for name in QUATERNION]
     norm = math.hypot(*quaternion)
     if abs(norm - 1) > _WRONG:

@@ -37,6 +37,7 @@ _VISDRONE = (
     *("ignored region", "pedestrian", "people", "bicycle", "car", "van", "truck", "tricycle", "awning-tricycle"),
     *("bus", "motor", "others"),
 )
+_MOST = 10_000_000  # frames
 _FLAGS = {-1, 0, 1, 2}  # of VisDrone's truncation and occlusion
 
 
@@ -73,6 +74,9 @@ def read_sequence(folder: Path) -> CameraFrames:
     found, names = _read_rows(folder / "det" / "det.txt", "detections")
     truth = folder / "gt" / "gt.txt"
     people, names_in_truth = _read_rows(truth, "truth") if truth.exists() else ({}, {})
+    for key in ("seqlength", "imwidth", "imheight"):
+        if not 0 <= facts.get(key, 0) <= _MOST:
+            raise InputError(f"seqinfo: {info}: {key} is no number from 0 to {_MOST}")
     last = max([int(facts.get("seqlength", 0)), *found, *people], default=0)
     if last == 0:
         raise InputError(f"detections: {folder / 'det' / 'det.txt'}: holds no frame")
@@ -106,8 +110,8 @@ def _read_rows(path: Path, field: str) -> tuple[dict[int, list[LoggedDetection]]
         if field == "truth" and not confidence:
             continue
         frame, person = row.number("frame"), row.text("id")
-        if frame < 1 or frame != int(frame):
-            raise row.error("frame", f"{spell(frame)} is not allowed; frames count from 1")
+        if not 1 <= frame <= _MOST or frame != int(frame):
+            raise row.error("frame", f"{spell(frame)} is not allowed; frames count from 1, to {_MOST} at most")
         number = "" if names is None else f"{row.number('x'):.0f}"
         category = "" if number == "-1" else (names or {}).get(number, number)
         key = (f"{frame:.0f}", person, category)

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from sim.facts.metrics.score import estimate_velocities
 from sim.mission.recording import Recording
 from sim.scenario.camera_settings import CameraSettings, make_camera
+from sim.scenario.uavs import UavSettings
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera
 from tracking.geometry.quaternions import interpolate_poses
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.trigonometry import tan
+from tracking.settings import read_settings
 
 SPLITS = ("train", "val", "test")  # of labelled images
 Columns = Mapping[str, NDArray[Any]]  # columns (N,) of a table by name
@@ -115,10 +117,11 @@ class LoggedCamera(NamedTuple):
         return self.widen(size)
 
     def widen(self, size: tuple[int, int]) -> "LoggedCamera":
-        """The camera of wide images whose middle square is this one."""
+        """The camera of wide images whose middle square is this one; InputError if there is none."""
+        read_settings({"start": (0.0, 0.0), **self.view}, UavSettings)
         pixels, fov_deg = self.view["pixels"], self.view["fov_deg"]
         focal = pixels / 2 / tan(math.radians(fov_deg) / 2)
-        whole = CameraSettings(width=size[0], height=size[1], focal=(focal, focal))
+        whole = read_settings({"width": size[0], "height": size[1], "focal": (focal, focal)}, CameraSettings)
         across, down = (math.degrees(2 * math.atan2(edge / 2, focal)) for edge in size)
         part = f"fov_deg {fov_deg:g} is over {pixels} pixels in the middle of its images"
         spans = f"{part}, so that their {size[0]} × {size[1]} span {across:.1f} × {down:.1f} deg"

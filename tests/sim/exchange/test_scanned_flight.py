@@ -199,12 +199,19 @@ REFUSED = {
         "poses": [f"{PLACES[0]},pitch_deg", "0,1,2,20,0"],
         "detections": ["time_s,u_px,v_px", "0,64,10", "0,64,20", "0.5,64,5"],
     },
-    "1920 is more than an edge of the images of 1920 × 1080 pixels; fov_deg is over a square of this edge in "
-    "their middle; if 84 is over the width, call it hfov_deg": {
+    "line 2: pixels: 1920 is more than an edge of the images of 1920 × 1080 pixels; fov_deg is over a square of "
+    "this edge in their middle; if 84 is over the width, call it hfov_deg": {
         **STILL,
         "cameras": ["fov_deg,pixels,width_px,height_px", "84,1920,1920,1080"],
     },
-    "column hfov_deg: hfov_deg: 200.0 is not allowed": {
+    "columns qx, qy, qz, qw belong together; one": {**STILL, "poses": [f"{PLACES[0]},qx,qy", "0,1,2,20,0,0"]},
+    "column height_px is missing": {**STILL, "cameras": ["hfov_deg,width_px", "60,1920"]},
+    "line 2: fov_deg: 0.0 is not allowed": {**STILL, "cameras": ["fov_deg,pixels,width_px,height_px", "0,9,18,9"]},
+    "scale: 1 gives images of 6000 pixels": {
+        **STILL,
+        "cameras": ["fov_deg,pixels,width_px,height_px", "60,4000,6000,4000"],
+    },
+    "line 2: hfov_deg: 200.0 is not allowed": {
         **STILL,
         "cameras": ["hfov_deg,width_px,height_px", "200,1920,1080"],
     },
