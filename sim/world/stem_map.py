@@ -245,13 +245,18 @@ def _describe(found: StemMap, rows: Sequence[TableRow], units: Mapping[str, str]
             given = left & ~np.isnan(_read_numbers(rows, column))
             left &= ~given
             if given.any():
-                sources.append(f"{given.sum()} from {rows[0].names.get(column, column)} in {units[column] or 'm'}")
+                unit = "" if _find_unit(rows, column) else f" in {units[column] or 'm'}"
+                sources.append(f"{given.sum()} from {rows[0].names.get(column, column)}{unit}")
         if not sources:
             absent.append(what)
             continue
         sources += [f"{left.sum()} not in the file"] * bool(left.any())
         low, middle, high = np.quantile(values, [0.0, 0.5, 1.0]).tolist()
-        span = f"{spell(low, 3)} to {spell(high, 3)} m, {spell(middle, 3)} m in the median"
+        span = (
+            f"{spell(low, 3)} to {spell(high, 3)} m, {spell(middle, 3)} m in the median"
+            if low < high
+            else f"{spell(low, 3)} m"
+        )
         parts.append(f"{what} of {span} ({', '.join(sources)})")
     parts += [f"{' and '.join(absent)} not in the file"] * bool(absent)
     return f"{name}: {'; '.join(parts)}"
