@@ -127,7 +127,7 @@ def test_detections_of_another_unit_or_origin_are_doubted(told):
 
 def test_trees_are_told_of_and_read_as_the_scenario_says(told):
     trees = ["x,y,dbh", "0,0,0.3", "5,5,0.4", "5,5,0.3"]
-    with pytest.raises(InputError, match=re.escape('same place: lines 3 and 4; trees.same_place = "merge" makes')):
+    with pytest.raises(InputError, match=re.escape('same place: lines 3, 4; trees.same_place = "merge" makes')):
         told(PLAIN, posed(), trees=trees)
     settings = ["trees.same_place=merge", "trees.canopy_radius=2"]
     found = told(PLAIN, posed(), settings, trees=trees)
