@@ -1,5 +1,6 @@
 """What in the files of a flight is not used, or far from any drone, and the axes of its quaternions."""
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -35,7 +36,8 @@ _LEVEL, _NORTH = np.sin(np.radians([1.6, 6.4])).tolist()  # of what radians take
 _EXACT = 1e-6  # sine of an angle that is zero but for rounding
 _STEP = 0.5  # s, over which velocities are measured
 _SLOW = 1.0  # m/s, below which a drone does not show where ahead is
-_MANY = 20  # velocities that show it
+_NORTH_UP = 0.995
+_MANY = 10  # velocities that show it
 
 
 def turn(attitudes: Array, axes: str) -> Array:
@@ -80,6 +82,8 @@ def find_doubts(folder: Path, uavs: Sequence[LoggedUav]) -> Iterator[str]:
         if len(distances) and (far := float(np.median(distances))) > max(_FARTHEST, 20 * height):
             away = f"those of UAV {i} are {spell(far, 3)} m away from it in the median"
             yield f"detections: {away}; do their places have the unit and the origin of poses?"
+        if (fov := uav.camera.view.get("fov_deg", math.inf)) < math.pi:
+            yield f"cameras: fov_deg of UAV {i} is {spell(fov, 3)}; is it in degrees?"
         yield from _doubt_motion(uav.poses, i)
 
 
@@ -141,7 +145,7 @@ def _doubt_motion(log: PoseLog, uav: int) -> Iterator[str]:
     ahead = _find_axes_ahead(log)
     if ahead:
         yield (
-            f"poses: UAV {uav} turns as if its quaternions were {_WORDS[ahead]}; "
+            f"poses: UAV {uav} flies as if its quaternions were {_WORDS[ahead]}; "
             f'if they are, give cameras.csv a column axes with "{ahead}"'
         )
 
@@ -156,12 +160,16 @@ def _find_axes_ahead(log: PoseLog) -> str:
         return ""
     course = velocities[moving] / speeds[moving, None]
     attitudes = log.at(times + _STEP / 2)[moving, 3:]
-    if np.hypot(*course.mean(axis=0)) > 0.85 or not _looks_down(attitudes):  # it hardly turns, or circles what it sees
+    if not _looks_down(attitudes):  # as of a UAV that circles what it sees
         return ""
+    top = Rotation.from_quat(attitudes).apply([0.0, 1.0, 0.0])
+    if (top[:, 1] > _NORTH_UP).all():  # of a gimbal that keeps north at the top
+        return ""
+    turns = np.hypot(*course.mean(axis=0)) < 0.85
     own = _measure_agreement(attitudes, course)
     found = {axes: _measure_agreement(turn(attitudes, axes), course) for axes in ("flu", "frd")}
     best = max(found, key=lambda axes: found[axes])
-    return best if own < 0.5 and found[best] > 0.9 else ""
+    return best if own < 0.5 and found[best] > (0.9 if turns else 0.97) else ""
 
 
 def _looks_down(attitudes: Array) -> bool:

@@ -22,7 +22,7 @@ from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
 from sim.sensing.cameras import view_of
-from sim.world.recorded_people import read_trajectories, resample
+from sim.world.recorded_people import describe_trajectories, read_trajectories, resample
 from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
 from tracking.detection.detection_errors import whole_covariances
 from tracking.errors import InputError, spell
@@ -108,6 +108,8 @@ def read_flight(
             raise InputError(f"{error}; give a place near the flight: --origin X,Y") from error
         reach = "all that cameras, trees and people reach" if people else "all that cameras and trees reach"
         remarks = [f"area: {area.width:g} × {area.height:g} m was chosen, with {reach}"]
+    if not any(uav.people for uav in flight.uavs):
+        remarks += describe_trajectories(setting)[1]
     return _place_on_scans(flight, setting, people, sigma, remarks)
 
 

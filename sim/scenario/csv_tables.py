@@ -21,7 +21,7 @@ _SHOWN = 3  # errors of a table that one message names
 _DIGITS = 18  # most digits of an integer, so that it fits into 64 bits
 _OTHER_FORMATS = {  # by the beginnings of their texts
     r"\s*<": "XML or HTML",
-    r'\s*\{[^{]{0,999}"(Feature|Topology|GeometryCollection)': "GeoJSON",
+    r'(?s)\s*\{.{0,2000}"(Feature|FeatureCollection|GeometryCollection|Topology)"': "GeoJSON",
     r"\s*(\{|\[\s*[\[{])": "JSON",
 }
 

@@ -41,20 +41,22 @@ _NAMES = {
     **_DIAMETERS,
     **{"canopy_diameter": "crown_radius", "canopy_width": "crown_radius"},
     **{f"{first}{axis}": axis for first in "gp" for axis in "xy"},  # those of ForestGEO
+    **{"easting": "x", "northing": "y"},
 }
 # Names that stand for a column if no other one does; they may end with a unit.
 _SPARES = _NAMES | {f"{name}_{unit}": column for name, column in _NAMES.items() for unit in _PER_METRE}
 _FORESTGEO = {"hom", "gx", "px", "stemtag", "censusid"}  # columns of its tables, whose diameters are in mm from 10 mm
-# Medians [m] beyond which sizes are far from any forest, and what may have happened.
+# Medians [m] and largest values [m] beyond which sizes are far from any forest, and what may have happened.
 _USUAL = {
-    "trunk radii": (0.005, 0.5, "names such as dbh_mm and trunk_diameter_cm give units"),
-    "crown radii": (0.2, 12.0, "names such as crown_diameter and crown_radius_cm tell diameters and units"),
-    "heights": (1.0, 60.0, "names such as height_ft and height_cm give units"),
+    "trunk radii": (0.005, 0.5, 2.0, "names such as dbh_mm and trunk_diameter_cm give units"),
+    "crown radii": (0.2, 12.0, 30.0, "names such as crown_diameter and crown_radius_cm tell diameters and units"),
+    "heights": (1.0, 60.0, 116.0, "names such as height_ft and height_cm give units"),
 }
 _LARGEST = 200.0  # m, of any size
 _MOST_WOOD = 500.0  # m²/ha, area of trunks; dense forests have a fifth
 _SMALLEST = 1.0  # m, extent of a forest
 _SPARSE = 100.0  # m, from one stem to the next
+_NARROW = 5.0  # m, least side of the ground of which densities are told
 _MANY = 20  # stems from which densities mean something
 _DEGREES = "are x and y in degrees? expected metres, such as eastings and northings; x_km and y_km are read, too"
 _SAME_PLACE = 0.01  # m, distance below which two rows are the same place
@@ -147,9 +149,16 @@ def _guess_unit_of_diameters(rows: Sequence[TableRow], per_metre: float) -> str:
         return "mm"
     if names & _FORESTGEO and found.min() >= 10.0:
         return "mm"
-    sides = [float(np.ptp(part[~np.isnan(part)])) / per_metre for part in (_read_numbers(rows, axis) for axis in "xy")]
-    wood = float(np.pi * (found * found / 40_000).sum()) / max(sides[0] * sides[1] / 1e4, 1e-9)
-    return "mm" if len(found) >= _MANY and min(sides) > 5.0 and wood > _MOST_WOOD else "cm"
+    places = np.column_stack([_read_numbers(rows, axis) / per_metre for axis in "xy"])
+    return "mm" if _compute_wood(found / 200, places[~np.isnan(places).any(axis=1)]) > _MOST_WOOD else "cm"
+
+
+def _compute_wood(radii: Array, places: Array) -> float:
+    """Area of trunks [m²/ha] where trees are; 0 for few trees, or along a line."""
+    width, height = np.ptp(places, axis=0).tolist() if len(places) >= _MANY else (0.0, 0.0)
+    if len(radii) < _MANY or min(width, height) < _NARROW:
+        return 0.0
+    return float(np.pi * (radii * radii).sum()) / (width * height / 1e4)
 
 
 def _make_tree(row: TableRow, missing: Trees, least: float, units: Mapping[str, str]) -> Tree:
@@ -206,7 +215,7 @@ def _group_stems(places: Array, rows: Sequence[TableRow], missing: Trees, name: 
     if several and len(spots) > 2 and extent < _SMALLEST:
         raise InputError(f"{name}: all stems are within {spell(extent, 2)} m; {_DEGREES}")
     if several and missing.same_place == "refuse":
-        shown = ["lines " + " and ".join(str(rows[k].line) for k in group) for group in several[:_SHOWN]]
+        shown = ["lines " + ", ".join(str(rows[k].line) for k in group) for group in several[:_SHOWN]]
         more = [f"{len(several) - _SHOWN} more places"] * (len(several) > _SHOWN)
         merged = 'trees.same_place = "merge" makes them stems of one tree'
         raise InputError(f"{name}: stems stand at the same place: {'; '.join([*shown, *more])}; {merged}")
@@ -245,15 +254,20 @@ def _describe(found: StemMap, rows: Sequence[TableRow], units: Mapping[str, str]
             given = left & ~np.isnan(_read_numbers(rows, column))
             left &= ~given
             if given.any():
-                sources.append(f"{given.sum()} from {rows[0].names.get(column, column)} in {units[column] or 'm'}")
+                unit = "" if _find_unit(rows, column) else f" in {units[column] or 'm'}"
+                sources.append(f"{given.sum()} from {rows[0].names.get(column, column)}{unit}")
         if not sources:
             absent.append(what)
             continue
         sources += [f"{left.sum()} not in the file"] * bool(left.any())
         low, middle, high = np.quantile(values, [0.0, 0.5, 1.0]).tolist()
-        span = f"{spell(low, 3)} to {spell(high, 3)} m, {spell(middle, 3)} m in the median"
+        span = (
+            f"{spell(low, 3)} to {spell(high, 3)} m, {spell(middle, 3)} m in the median"
+            if low < high
+            else f"{spell(low, 3)} m"
+        )
         parts.append(f"{what} of {span} ({', '.join(sources)})")
-    parts += [f"{' and '.join(absent)} not in the file"] * bool(absent)
+    parts += [f"{', '.join(absent)} not in the file"] * bool(absent)
     return f"{name}: {'; '.join(parts)}"
 
 
@@ -271,10 +285,18 @@ def _doubt(found: StemMap, rows: Sequence[TableRow], name: str) -> Iterator[str]
     if not found.trees:
         return
     for what, (columns, values) in _list_sizes(found).items():
-        low, high, hint = _USUAL[what]
-        if any(column in rows[0].values for column in columns) and not low <= np.median(values) <= high:
-            usual = f"forests have {low:g} to {high:g} m"
-            yield f"{name}: {what} are {spell(float(np.median(values)), 3)} m in the median, but {usual}; {hint}"
+        low, high, most, hint = _USUAL[what]
+        usual = float(np.median(values))
+        if not any(column in rows[0].values for column in columns):
+            continue
+        if not low <= usual <= high:
+            forests = f"forests have {low:g} to {high:g} m"
+            yield f"{name}: {what} are {spell(usual, 3)} m in the median, but {forests}; {hint}"
+        elif values.max() > most:
+            yield f"{name}: {what} reach {spell(values.max(), 3)} m, but no tree has more than {most:g} m; {hint}"
+        elif columns[-1] == "dbh" and _compute_wood(values, found.places) > _MOST_WOOD:
+            wood = spell(_compute_wood(values, found.places), 3)
+            yield f"{name}: trunks have {wood} m² in a hectare, but no forest has {_MOST_WOOD:g}; {hint}"
     extent = float(np.ptp(found.places, axis=0).max())
     if len(found.trees) > 2 and extent < _SMALLEST:
         yield f"{name}: all stems are within {spell(extent, 2)} m; {_DEGREES}"

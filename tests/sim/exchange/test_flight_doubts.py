@@ -71,6 +71,22 @@ def test_what_is_far_from_any_drone_or_not_used_is_told_in_one_line(told, header
     assert "\n" not in line
 
 
+def test_a_body_on_a_straight_course_is_doubted_unless_north_is_up(told):
+    """A gimbal that keeps north at the top may fly to any side."""
+    for course, doubted in ((0.0, False), (0.7, True)):
+        attitude = Rotation.from_rotvec([0.0, 0.0, course]).as_quat()
+        along = 5 * TIMES[:, None] * [math.cos(course), math.sin(course)]
+        remarks = told(QUATERNION, posed(along, more=np.tile(attitude, (len(TIMES), 1)))).remarks
+        assert any("of a body with x ahead; if they are" in line for line in remarks) == doubted
+
+
+def test_people_and_cameras_of_other_units_are_doubted(told):
+    truth = ["time_s,id,x_m,y_m", *(f"{t},{i},{100 * t},{i}" for t in range(4) for i in range(2))]
+    found = told(PLAIN, posed(), truth=truth, cameras=["fov_deg,pixels", "1.05,128"])
+    assert any("id 0 moves at 100 m/s, but no one has run faster" in line for line in found.remarks)
+    assert "cameras: fov_deg of UAV 0 is 1.05; is it in degrees?" in found.remarks
+
+
 def test_a_usual_flight_is_not_doubted_and_a_comment_may_name_the_columns(told):
     remarks = told(QUATERNION, posed(more=AXES["image"].as_quat())).remarks
     assert not any(line.startswith("poses") for line in remarks)
@@ -111,7 +127,7 @@ def test_detections_of_another_unit_or_origin_are_doubted(told):
 
 def test_trees_are_told_of_and_read_as_the_scenario_says(told):
     trees = ["x,y,dbh", "0,0,0.3", "5,5,0.4", "5,5,0.3"]
-    with pytest.raises(InputError, match=re.escape('same place: lines 3 and 4; trees.same_place = "merge" makes')):
+    with pytest.raises(InputError, match=re.escape('same place: lines 3, 4; trees.same_place = "merge" makes')):
         told(PLAIN, posed(), trees=trees)
     settings = ["trees.same_place=merge", "trees.canopy_radius=2"]
     found = told(PLAIN, posed(), settings, trees=trees)

@@ -73,9 +73,10 @@ def test_crowns_have_the_leaves_of_their_row_or_else_of_the_scenario(stems):
 
 
 def test_projected_coordinates_are_those_from_the_origin(stems):
-    path = stems("x;y\n691234,5;5334567,25\n691250;5334560\n")
-    found = read_stem_map(path, "trees.file", Trees(origin=(691240.0, 5334560.0))).trees
-    assert [(tree.x, tree.y) for tree in found] == [(-5.5, 7.25), (10.0, 0.0)]
+    for names in ("x;y", "Easting;Northing"):
+        path = stems(f"{names}\n691234,5;5334567,25\n691250;5334560\n")
+        found = read_stem_map(path, "trees.file", Trees(origin=(691240.0, 5334560.0))).trees
+        assert [(tree.x, tree.y) for tree in found] == [(-5.5, 7.25), (10.0, 0.0)]
 
 
 @pytest.mark.parametrize(
@@ -84,7 +85,7 @@ def test_projected_coordinates_are_those_from_the_origin(stems):
         ("x,y,height\n0,0,6\n1,1,-4\n", "line 3, column height: -4 m is not allowed; expected 0.01 to 200"),
         (
             "x,y\n1,1\n2,2\n1,1.001\n5,5\n2,2\n1,1\n",
-            "stems stand at the same place: lines 2 and 4 and 7; lines 3 and 6; "
+            "stems stand at the same place: lines 2, 4, 7; lines 3, 6; "
             'trees.same_place = "merge" makes them stems of one tree',
         ),
         ("x,y\n11.5701,48.1401\n11.5709,48.1403\n11.5712,48.14\n", "within 0.0011 m; are x and y in degrees?"),
@@ -156,7 +157,7 @@ def grid(column, sizes, scale=1.0, per_row=6):
         (grid("dbh", [18] * 40 + [260] * 20, per_row=10, scale=0.25), 0.009, "dbh: is taken to be in mm"),
         ("gx,gy,dbh\n0,0,31\n9,9,22\n", 0.0155, "dbh: is taken to be in mm"),
         (grid("dbh", [0.35, 0.2, 1.1]), 0.175, "dbh: is taken to be in m"),
-        (grid("dbh", [24, 31.5, 2450]), 0.12, ""),  # one entry that is wrong
+        (grid("dbh", [24, 31.5, 2450]), 0.12, "trunk radii reach 12.2 m"),  # one entry
         (grid("dbh_mm", [31, 22]), 0.0155, ""),
         (grid("DBH (mm)", [120, 640]), 0.06, ""),
         (grid("dbh_m", [0.35]), 0.175, ""),
@@ -179,6 +180,8 @@ def test_diameters_have_the_unit_of_their_name_or_one_that_a_forest_allows(stems
             grid("height", [82, 95, 70]),
             "heights are 82 m in the median, but forests have 1 to 60 m; names such as height_ft",
         ),
+        (grid("dbh_cm", [18] * 40 + [260] * 20, 0.25, 10), "trunks have 5956 m² in a hectare"),
+        (grid("dbh", [11, 13, 15, 27, 90, 290, 500]), "trunk radii reach 2.5 m, but no tree has more than 2 m"),
         (grid("crown_radius", [14, 13]), "crown radii are 13.5 m in the median"),
         (grid("height", [12] * 25, scale=100), "the next stem is 800 m away in the median; x_cm and y_cm give units"),
         (grid("height", [12] * 9, scale=0.0125), "within 0.5 m; are x and y in degrees?"),
