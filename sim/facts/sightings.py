@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from sim.facts.words import number_snapshot
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
-from sim.sensing.cameras import view_of
 from sim.sensing.culling import NEAR_PLANE
 from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera, Pose
@@ -152,7 +151,7 @@ def tell_fade(recording: Recording, id_: int, last: int) -> str:
 
 
 def _name_state(recording: Recording, k: int, uav: int, held: dict[int, Array]) -> str:
-    camera = view_of(recording.setting.uavs[uav], recording.setting)
+    camera = recording.setting.believed_camera(uav)
     return tell_sight(camera, recording.believed_camera_at(k, uav), held[k], recording.hiding_forest)
 
 

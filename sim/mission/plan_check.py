@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from planning.planner import Plan, Planner, Situation, check_count, copy_plan, limit_speed
-from sim.sensing.fault import Fault
+from sim.mission.fault import Fault
 from tracking.errors import InputError, spell
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose

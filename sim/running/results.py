@@ -112,7 +112,7 @@ def fly_into(
         for snapshot in flying:
             if video:
                 with mission.clock.measure("video"):
-                    video.add(snapshot, mission.frames)
+                    video.add(snapshot, mission.images)
             progress(ScanProgress(snapshot.time, snapshot.ospa[snapshot.working, 0].tolist()))
             if stops():
                 break

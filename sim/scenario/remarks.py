@@ -8,7 +8,6 @@ import numpy as np
 from sim.scenario.environment import FILE_KEYS, People, Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from tracking.detection.noise import NoiseModel
 from tracking.errors import list_numbers, spell
 
 _MOST_CLUTTER = 0.05  # false detections in the area of a person's; in missions with 0.07, few people get tracks
@@ -53,19 +52,17 @@ def find_remarks(scenario: Scenario) -> list[str]:
 def _remark_on_clutter(scenario: Scenario) -> list[str]:
     """Remark if the tracker expects so much clutter that detections of people say little."""
     density = scenario.tracking.clutter_density
-    expected = density * min(_compute_effective_area(scenario, uav) for uav in scenario.uavs)
+    expected = density * min(_compute_effective_area(scenario, i) for i in range(len(scenario.uavs)))
     if expected < _MOST_CLUTTER:
         return []
     place = f"{spell(expected, 2)} false detections where a person's own would be"
     return [f"tracking.clutter_density: {density:g} per m2 means {place}; few tracks or none will begin"]
 
 
-def _compute_effective_area(scenario: Scenario, uav: Uav) -> float:
+def _compute_effective_area(scenario: Scenario, uav: int) -> float:
     """Area [m²] over which measurements of a person halfway to the edge of a UAV's view scatter, 2 pi sqrt |R|."""
-    noise = NoiseModel.range_bearing(uav.alpha)
-    if scenario.sensing.noise == "camera":
-        noise = NoiseModel.camera(uav.believed_camera, uav.altitude)
-    (xx, xy), (_, yy) = noise.covariance(np.zeros(2), np.array([uav.footprint / 4, 0.0]))
+    halfway = np.array([scenario.uavs[uav].footprint / 4, 0.0])
+    (xx, xy), (_, yy) = scenario.noise_model(uav).covariance(np.zeros(2), halfway)
     return 2 * math.pi * math.sqrt(xx * yy - xy * xy)
 
 

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,19 +14,11 @@ _STRIP = 1.0  # pixel, motion of the image in one strip of equally old rows
 _LEAST_ROWS = 4  # of a strip
 
 
-class Glimpse(NamedTuple):
-    """Camera and people at the time of a frame."""
-
-    time: float  # s
-    pose: Pose
-    people: Array  # (M, 2) m, NaN if absent
-
-
 @dataclass(frozen=True, eq=False)
 class Sweep:
     """Motion while an image is read out; its middle row is exposed at the time of the frame.
 
-    Note: velocities are the means since the camera's last frame.
+    Note: velocities are the means since the camera's last frame; without one there is no motion.
     """
 
     readout: float  # s, from the first row to the last
@@ -36,18 +27,14 @@ class Sweep:
     people: Array  # (M, 2) m/s
 
     @staticmethod
-    def between(before: Glimpse | None, now: Glimpse, readout: float) -> "Sweep | None":
-        """The sweep of a frame, given the one before; without motion if there is none. None without a readout."""
-        if not readout:
-            return None
-        if before is None:
-            return Sweep(readout, np.zeros(3), np.zeros(3), np.zeros_like(now.people))
-        elapsed = now.time - before.time
+    def between(poses: tuple[Pose, Pose], people: tuple[Array, Array], elapsed: float, readout: float) -> "Sweep":
+        """The sweep of a frame, given camera and people (M, 2) m `elapsed` s before it and at its time."""
+        (before, now), (there, here) = poses, people
         return Sweep(
             readout,
-            (now.pose.position - before.pose.position) / elapsed,
-            mean_spin(before.pose.quaternion, now.pose.quaternion, elapsed),
-            np.nan_to_num((now.people - before.people) / elapsed),
+            (now.position - before.position) / elapsed,
+            mean_spin(before.quaternion, now.quaternion, elapsed),
+            np.nan_to_num((here - there) / elapsed),
         )
 
     def delays(self, rows: Array, height: int) -> Array:

@@ -14,7 +14,6 @@ from sim.facts.metrics.holding import ELLIPSE, HOLDS, Holding, list_reports
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import true_view_of
 from sim.views.drawing.palette import (
     ALARM,
     FAINT,
@@ -152,7 +151,7 @@ class SceneMaker:
     def __init__(self, scenario: Scenario, numbers: dict[int, int] | None = None) -> None:
         """Begin at any scan; numbers: those of tracks by id, by default in the order of their appearance."""
         self._scenario = scenario
-        self._views = [true_view_of(uav, scenario) for uav in scenario.uavs]
+        self._views = [scenario.true_camera(i) for i in range(len(scenario.uavs))]
         self._numbers = {} if numbers is None else dict(numbers)
         self._holding: Holding | None = None
         self._past: deque[_Past] = deque(maxlen=round(TRAIL * scenario.rates.sensing))
@@ -169,7 +168,7 @@ class SceneMaker:
             self._holding = self._holding or Holding(people, uavs, self._scenario.loss_distance)
             holds = self._holding.step(snapshot.people, list_reports(snapshot.tracks), len(snapshot.working)).states
         working = snapshot.working
-        self._last |= {i: snapshot for i in working if snapshot.frames[i]}
+        self._last |= {i: snapshot for i in working if snapshot.frames_taken[i]}
         tracks = [self._mark_tracks(held) for held in snapshot.tracks]
         shown = tracks[working[0]] if working else ()
         means = {track.number: track.mean for track in shown}

@@ -7,9 +7,9 @@ import numpy as np
 from planning.planner import Vehicle
 from planning.prediction.response import mean_velocities, response
 from sim.facts.tracking_replay import replay_tracking
+from sim.mission.knowledge import BodyState, make_vehicle
 from sim.mission.recording import Recording
 from sim.mission.tracker_setup import make_planned_motion
-from sim.sensing.cameras import vehicle_of, view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import at_target_height
@@ -70,7 +70,7 @@ def _plan_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Arra
     begun = setting.plan_start(float(recording.plan_times[plan]))
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
-    vehicle = make_vehicle(recording, int(np.argmin(np.abs(recording.times - begun))), uav)
+    vehicle = find_vehicle(recording, int(np.argmin(np.abs(recording.times - begun))), uav)
     flown = mean_velocities(response([vehicle], step), controls[None, None])[0, 0]
     corners = vehicle.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(flown, axis=0)])
     camera = Pose(vehicle.position, vehicle.attitude)
@@ -81,7 +81,7 @@ def _find_view_states(recording: Recording, uav: int, views: list[Pose], places:
     """States (S,) of places (S, 2) m in the camera at S or more poses; `OUT_OF_VIEW` for NaN."""
     setting = recording.setting
     trees = recording.known_forest
-    camera = view_of(setting.uavs[uav], setting)
+    camera = setting.believed_camera(uav)
     found = np.full(len(places), OUT_OF_VIEW)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):
         point = at_target_height(place[None])
@@ -90,7 +90,7 @@ def _find_view_states(recording: Recording, uav: int, views: list[Pose], places:
     return found
 
 
-def make_vehicle(recording: Recording, k: int, uav: int) -> Vehicle:
+def find_vehicle(recording: Recording, k: int, uav: int) -> Vehicle:
     """A UAV at scan k, where it believes it is.
 
     Note: the velocity is the mean since the previous scan, because recordings have none; at the first scan it is zero.
@@ -98,4 +98,4 @@ def make_vehicle(recording: Recording, k: int, uav: int) -> Vehicle:
     own = recording.poses[:, uav]
     velocity = (own[k, :2] - own[max(k - 1, 0), :2]) * recording.setting.rates.sensing
     body = recording.believed_bodies[k, uav]
-    return vehicle_of(uav, Pose(body[:3], body[3:]), velocity, recording.setting)
+    return make_vehicle(recording.setting, uav, BodyState(Pose(body[:3], body[3:]), velocity))

@@ -25,10 +25,10 @@ from sim.facts.metrics.holding import FAR
 from sim.facts.metrics.metric import Better, Computation, Metric, Outcome, mean
 from sim.facts.metrics.score import Score
 from sim.facts.metrics.unmatched import Unmatched
+from sim.mission.fault import BREAKDOWN, Fault
 from sim.mission.recorded_links import measure_ages
 from sim.mission.recording import Recording
-from sim.sensing.fault import BREAKDOWN, Fault
-from sim.sensing.stopwatch import STAGES
+from sim.mission.stopwatch import STAGES
 from tracking.errors import InputError, check_known
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.plugin_error import PluginError, plugin_call

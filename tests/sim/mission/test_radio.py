@@ -108,7 +108,7 @@ def decide(knowledge, k, poses, links):
     looks = [Sensors.rest(Shot(i, 0, time, pose, np.zeros((0, 2)))) for i, pose in enumerate(poses)]
     looks = [replace(look, taken=knowledge._scenario.has_frame(i, k)) for i, look in enumerate(looks)]
     knowledge.track(time, looks, links, list(uavs))
-    return knowledge.make_situations(k, [BodyState(pose, np.zeros(2)) for pose in poses], links, list(uavs))
+    return knowledge.begin_decision(k, [BodyState(pose, np.zeros(2)) for pose in poses], links, list(uavs))
 
 
 def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():

@@ -20,7 +20,6 @@ from sim.sensing.renderer import Renderer
 from sim.sensing.rolling_shutter import Sweep
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
-from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
@@ -89,9 +88,9 @@ def test_people_are_where_the_believed_poses_of_their_rows_put_them():
             i, j = np.meshgrid(np.arange(-10.0, 11.0, 5.0), np.arange(-10.0, 11.0, 5.0))
             people = rng.permutation(np.column_stack([i.ravel(), j.ravel()]))[:PEOPLE] + rng.uniform(-1, 1, (PEOPLE, 2))
             world.place_people(people, rng.uniform(-math.pi, math.pi, PEOPLE))
-            subject = Sensors(setting, world, Forest(()), rng=rng, clock=Stopwatch())
-            subject.take(Shot(0, 0, 0.0, true[0], people, believed[0]))
-            found = subject.take(Shot(0, 0, 0.2, true[1], people, believed[1]))
+            subject = Sensors(setting, world, Forest(()), rng)
+            subject.expose(Shot(0, 0, 0.0, true[0], people, believed[0]))
+            found = subject.read(subject.expose(Shot(0, 0, 0.2, true[1], people, believed[1])))
             for z, (_, v) in zip(found.scan.measurements, found.pixels, strict=True):
                 share = 1.0 + 0.5 * (v / 120 - 0.5)
                 expected = move_to_believed(people, at(true, share), at(believed, share))
@@ -114,7 +113,7 @@ def test_frames_of_a_recording_are_those_of_the_mission():
     mission, snapshots, images = Mission(scenario, Greedy(), 1), [], []
     for snapshot in mission.fly():
         snapshots.append(snapshot)
-        images.append(mission.frames[0])
+        images.append(mission.images[0])
     with Rerenderer(record(mission, snapshots).recording) as again:
         for k, image in enumerate(images):
             np.testing.assert_array_equal(again.image(k, 0), image)
