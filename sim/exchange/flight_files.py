@@ -74,7 +74,8 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str) -> Logg
         frames = [_shift(frame, later, origin) for frame in found[i].frames]
         people = [_shift(frame, later, origin) for frame in found[i].people]
         uavs.append(LoggedUav(camera, moved, frames, people))
-    flight = LoggedFlight(uavs, _read_trees(folder, origin), start, origin, _find_labels(folder, found))
+    remarks = tuple(remark for seen in found.values() for remark in seen.remarks)
+    flight = LoggedFlight(uavs, _read_trees(folder, origin), start, origin, _find_labels(folder, found), remarks)
     far = flight.places[np.abs(flight.places).max(axis=1) > _FARTHEST]
     if len(far):
         x, y = (np.array(origin) + far[0]).round(-2).tolist()

@@ -140,7 +140,7 @@ def _place_on_scans(
             observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
             lost += len(frame.detections) - len(observed[k, i].scan.measurements)
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i])
-    remarks = [*_remark(flight, rate, rounded, lost)]
+    remarks = [*flight.remarks, *_remark(flight, rate, rounded, lost)]
     remarks += [] if sigma else _remark_on_covariances(flight, [found.scan for found in observed.values()])
     forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))

@@ -63,6 +63,7 @@ class CameraFrames(NamedTuple):
     frames: list[LoggedFrame]
     people: Sequence[LoggedFrame] = ()  # with the ids of people, if they are known
     size: tuple[int, int] | None = None  # width and height of the images, if known
+    remarks: tuple[str, ...] = ()  # on what was read
 
 
 class LoggedCamera(NamedTuple):
@@ -113,6 +114,7 @@ class LoggedFlight:
     start: float  # s, time in the files of the first frame
     origin: tuple[float, float]  # m, place in the files of the origin
     labels: Path | None  # file of the people, if they are known
+    remarks: tuple[str, ...] = ()  # on what was read
 
     @property
     def places(self) -> Array:

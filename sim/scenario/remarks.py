@@ -10,6 +10,8 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from tracking.errors import list_numbers, spell
 
+_MOST_PIXELS = 2_000_000  # of an image, which takes about a second to render
+_USUAL = 640 * 480
 _MOST_CLUTTER = 0.05  # false detections in the area of a person's; in missions with 0.07, few people get tracks
 
 # Keys that are not used if another key of the same table has this value.
@@ -46,6 +48,7 @@ def find_remarks(scenario: Scenario) -> list[str]:
         + _remark_on_false_alarms(scenario)
         + _remark_on_clutter(scenario)
         + find_small_people(scenario)
+        + _remark_on_large_images(scenario)
     )
 
 
@@ -73,6 +76,19 @@ def find_small_people(scenario: Scenario) -> list[str]:
         told.setdefault(describe_small_people(uav), []).append(i)
     seldom = "which will seldom or never see one; a smaller footprint or more pixels show people"
     return [f"uavs: {text} of the image of {list_numbers('UAV', i)}, {seldom}" for text, i in told.items() if text]
+
+
+def _remark_on_large_images(scenario: Scenario) -> list[str]:
+    """Remarks on UAVs whose images take long to render."""
+    found = []
+    for i, uav in enumerate(scenario.uavs if scenario.sensing.renders else ()):
+        width, height = uav.true_camera.size
+        if width * height > _MOST_PIXELS:
+            share = math.sqrt(_USUAL / (width * height))
+            key = f"camera.scale={uav.camera.scale * share:.2f}" if uav.camera else f"pixels={uav.pixels * share:.0f}"
+            slow = f"images of {width} × {height} pixels take a second or more each to render"
+            found.append(f"uavs.{i}: {slow}; faster with --set uavs.{i}.{key}")
+    return found
 
 
 def describe_small_people(uav: Uav) -> str:

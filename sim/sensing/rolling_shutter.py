@@ -11,6 +11,7 @@ from tracking.geometry.quaternions import mean_spin, rotate
 from tracking.numerics.arrays import Array
 
 _STRIP = 1.0  # pixel, motion of the image in one strip of equally old rows
+_WALKED = 0.25  # pixel, motion of people on the ground meanwhile: the strips of a hovering camera
 _LEAST_ROWS = 4  # of a strip
 
 
@@ -50,8 +51,10 @@ class Sweep:
         """Rows at which strips of an image begin, and its end; `height` of the camera above ground [m]."""
         rows = camera.size[1]
         speed = math.sqrt(float(np.sum(np.square(self.velocity)))) / max(height, 1.0)
+        walking = math.sqrt(float(np.sum(np.square(self.people), axis=1).max(initial=0.0))) / max(height, 1.0)
         moved = camera.focal * self.readout * (speed + math.sqrt(float(np.sum(np.square(self.spin)))))
-        strips = min(max(math.ceil(moved / _STRIP), 1), rows // _LEAST_ROWS)
+        walked = camera.focal * self.readout * walking
+        strips = min(max(math.ceil(moved / _STRIP), math.ceil(walked / _WALKED), 1), rows // _LEAST_ROWS)
         return [rows * k // strips for k in range(strips + 1)]
 
     def corrections(self, camera: Camera, pose: Pose, pixels: Array) -> Array:

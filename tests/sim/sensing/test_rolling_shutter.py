@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from planning.baselines import Greedy
 from sim.facts.rerender import Rerenderer
 from sim.mission.mission import Mission
-from sim.running.fly import record
+from sim.mission.trial import Trial
+from sim.running.fly import fly_mission, record
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
@@ -117,6 +118,35 @@ def test_frames_of_a_recording_are_those_of_the_mission():
     with Rerenderer(record(mission, snapshots).recording) as again:
         for k, image in enumerate(images):
             np.testing.assert_array_equal(again.image(k, 0), image)
+
+
+@pytest.mark.parametrize("planner", ["hover", "greedy"])
+@pytest.mark.parametrize("mount", ["gimbal", "body"])
+def test_a_person_whom_nothing_hides_has_share_one(planner, mount):
+    """Also where the edge of the image cuts them."""
+    fleet = f'uavs=[{{start=[-25,-10], footprint=26, camera={CAMERA.replace("0.05", "0.15")}, mount="{mount}"}}]'
+    scenario = load_scenario("forest", ["duration=2", "trees.density=0", "people.count=4", fleet])
+    recording = fly_mission(Trial(scenario, planner, 1)).recording
+    shown = np.argwhere(recording.visible[:, 0] > 0).tolist()
+    with Rerenderer(recording) as again:
+        assert [again.count_whole(k, 0, m) for k, m in shown] == [recording.visible[k, 0, m] for k, m in shown]
+    assert len(shown) > 10 and (np.ptp(recording.poses[:, 0, :2], axis=0).max() > 1) == (planner == "greedy")
+
+
+def test_a_hovering_camera_shows_people_where_they_are_when_their_rows_are_exposed():
+    """They walk by 0.87 pixels while the image is read out; without a sweep, and with one, that is seen to the east."""
+    camera, pose, readout = Camera.calibrated(640, 480, (550.0, 550.0), (320.0, 240.0)), Pose.level(0.0, 0.0, 20.0), 0.1
+    walk = 0.87 * 20.0 / 550.0 / readout
+    people = np.array([[-7.0, 7.0], [0.0, 7.0], [7.0, 7.0], [-6.0, -7.5], [1.0, -7.5], [8.0, -7.5]])
+    sweep = Sweep(readout, np.zeros(3), np.zeros(3), np.tile([walk, 0.0], (len(people), 1)))
+    with World(SCENARIO, Forest(()), len(people)) as world:
+        world.place_people(people, np.zeros(len(people)))
+        renderer = Renderer(world)
+        masks = [renderer.find_people(camera, pose, each) for each in (None, sweep)]
+    for m in range(len(people)):
+        (before, _), (after, rows) = (np.argwhere(mask == m)[:, ::-1].mean(axis=0) for mask in masks)
+        assert after - before == pytest.approx(0.87 * (rows / 480 - 0.5), abs=0.2)
+    assert not np.array_equal(*masks)
 
 
 def test_a_readout_ends_before_the_next_scan():
