@@ -1,7 +1,7 @@
 """Knowledge of each UAV: its tracks, its intensity of undetected people, and what it knows about its teammates."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,7 +13,6 @@ from sim.mission.teammates import make_teammates
 from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_planned_motion
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import Reading
 from sim.world.quadrotor import COMMAND_LAG
 from tracking.geometry.camera import Look, Pose
 from tracking.geometry.quaternions import level_attitude, pitch
@@ -85,17 +84,19 @@ class Knowledge:
         self._late_views: list[list[Look]] = [[] for _ in self._cameras]
 
     def track(
-        self, time: float, readings: Sequence[Reading], links: RadioLinks, working: Sequence[int]
+        self, time: float, scans: Mapping[int, Scan], links: RadioLinks, working: Sequence[int]
     ) -> tuple[list[tuple[Track, ...]], Indices]:
-        """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
-        scans = {i: readings[i].scan for i in working if readings[i].taken}
+        """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends.
+
+        scans: by UAV, of those that took a frame.
+        """
         self._looks = {i: Look(self._cameras[i], scan.pose) for i, scan in scans.items()}
         sent = self.trackers.step(time, scans, links, working)
         for views, received in zip(self._late_views, self.trackers.relay.received, strict=True):
             for item in received:
                 if isinstance(item.content, Scan) and self._scenario.decides(item.k):
                     views.append(Look(self._cameras[item.uav], item.content.pose))
-        return [self.trackers[i].tracks if i in working else () for i in range(len(readings))], sent
+        return [self.trackers[i].tracks if i in working else () for i in range(len(self._cameras))], sent
 
     def begin_decision(
         self, k: int, bodies: Sequence[BodyState], links: RadioLinks, working: Sequence[int]

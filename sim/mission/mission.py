@@ -163,7 +163,8 @@ class Mission:
         places = np.array([body.position for body in bodies])
         links = draw_links(self.scenario.network, time, places, self._radio)
         with self.clock.measure("tracking"):
-            tracks, sent = self._knowledge.track(time, readings, links, self._working)
+            scans = {i: reading.scan for i, reading in enumerate(readings) if takes[i]}
+            tracks, sent = self._knowledge.track(time, scans, links, self._working)
         if self._working and self.scenario.decides(k):
             with self.clock.measure("tracking"):
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)

@@ -64,7 +64,6 @@ class Reading:
     image: NDArray[np.uint8] | None  # (H, W, 3) RGB; None without rendering
     visible: Indices  # (M,) as `SensorOutput.visible`
     matched: Flags  # (M,) mask of people whom a measurement shows
-    taken: bool = True  # False if the camera took no frame; the empty scan is then no negative information
     errors: tuple[PluginError, ...] = ()  # of the detector
 
 
@@ -104,10 +103,10 @@ class Sensors:
 
     @staticmethod
     def rest(shot: Shot) -> Reading:
-        """Empty reading at a scan in which a slower camera takes no frame."""
+        """Empty reading at a scan at which the camera takes no frame, which is no negative information."""
         nothing = Scan(shot.uav, shot.time, shot.pose, np.zeros((0, 2)), np.zeros((0, 2, 2)))
         unseen = np.zeros(len(shot.people), dtype=np.int64)
-        return Reading(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
+        return Reading(nothing, np.zeros((0, 2)), None, unseen, unseen > 0)
 
     def _sense(self, shot: Shot) -> SensorOutput:
         """Output of the mode; InputError if a plug-in mode fails or its output cannot be used."""
