@@ -30,7 +30,7 @@ class BodyState(NamedTuple):
     velocity: Array  # (2,) m/s, east and north
 
 
-def make_vehicle(scenario: Scenario, i: int, body: BodyState) -> Vehicle:
+def vehicle_of(scenario: Scenario, i: int, body: BodyState) -> Vehicle:
     """UAV i as planners know it; all parts are copies.
 
     Note: planners assume the attitude of the camera in level flight at the present heading. For a body-fixed camera
@@ -106,7 +106,7 @@ class Knowledge:
         bodies: the state of each UAV, as it believes it to be.
         """
         time = k / self._scenario.rates.sensing
-        fleet = [make_vehicle(self._scenario, i, body) for i, body in enumerate(bodies)]
+        fleet = [vehicle_of(self._scenario, i, body) for i, body in enumerate(bodies)]
         self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
         takes_time = self._scenario.network.takes_time
         heard = {i: links.find_heard(i, takes_time=takes_time) for i in working}

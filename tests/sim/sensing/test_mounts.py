@@ -7,7 +7,7 @@ import pytest
 from helpers.flights import fly
 from scipy.spatial.transform import Rotation
 
-from sim.mission.knowledge import BodyState, make_vehicle
+from sim.mission.knowledge import BodyState, vehicle_of
 from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
@@ -28,7 +28,7 @@ def body(*angles):
 
 
 def planned_attitude(carrier, pose):
-    return make_vehicle(Scenario(uavs=(carrier,)), 0, BodyState(pose, np.zeros(2))).attitude
+    return vehicle_of(Scenario(uavs=(carrier,)), 0, BodyState(pose, np.zeros(2))).attitude
 
 
 @pytest.mark.parametrize("tilt", [0.0, 10.0, 59.0])
