@@ -14,7 +14,7 @@ _AT_ONCE = 2_000_000  # most distances computed at once: all those of a long mis
 
 
 class Ospa(NamedTuple):
-    """OSPA distance [m] and its parts: localisation^p + cardinality^p = distance^p; the largest part if p is infinite."""
+    """OSPA distance [m] and its parts: localisation^p + cardinality^p = distance^p; the larger one if p = inf."""
 
     distance: float
     localisation: float
@@ -88,7 +88,8 @@ def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> G
     """Generalised OSPA distance, alpha = 2, between estimates (A, 2) and truths (B, 2), all in m.
 
     c is the cut-off [m]: an estimate and a truth at least this far apart count as a false estimate and a missed truth.
-    p is the order, from 1 to 10 or infinity, as for `ospa`. Unlike OSPA, GOSPA is a sum over targets, not a mean. Source: [Rahmathullah17].
+    p is the order, from 1 to 10 or infinity, as for `ospa`. Unlike OSPA, GOSPA is a sum over targets, not a mean.
+    Source: [Rahmathullah17].
     """
     check_metric(c, p)
     X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
