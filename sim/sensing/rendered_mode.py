@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.scenario.sensing import make_detectors
 from sim.sensing.detection_truth import MaskDetector, count_visible_pixels, find_owners
-from sim.sensing.fault import Fault
+from sim.sensing.fault import DETECTOR, Fault
 from sim.sensing.renderer import Rendered, Renderer
 from sim.sensing.sensor_mode import SensorOutput, SensorSetup, Shot
 from sim.sensing.sensor_output_check import check_detections
@@ -65,4 +65,4 @@ class RenderedMode:
                 return check_detections(detector.detect(deepcopy(frame))), ()
         except PluginError as error:
             nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-            return nothing, (Fault(frame.time, frame.uav, f"detector: {error}", error.trace),)
+            return nothing, (Fault(frame.time, frame.uav, f"{DETECTOR}{error}", error.trace),)

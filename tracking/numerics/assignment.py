@@ -24,7 +24,7 @@ def pairs_within(cost: Array, gate: float) -> list[tuple[int, int]]:
     return [(a, b) for a, b in zip(rows.tolist(), columns.tolist(), strict=True) if cost[a, b] <= gate]
 
 
-def least_costs(cost: Array) -> Array:
+def least_costs(cost: Array | Flags) -> Array:
     """Costs (min(A, B),) of the pairs of least total cost, each row and column in one pair at most."""
     return np.asarray(cost[linear_sum_assignment(cost)])
 

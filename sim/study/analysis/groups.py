@@ -45,6 +45,12 @@ class Group:
         """Planner and cell."""
         return append_cell(self.planner, self.cell)
 
+    @property
+    def alike(self) -> bool:
+        """True if several of its seeds have the same trees and people, as from files."""
+        worlds = {row.seed: row.metrics["world"] for row in self.done if "world" in row.metrics}
+        return len(set(worlds.values())) < len(worlds)
+
     def values(self, metric: str) -> Array:
         """The metric of each trial done (n,); NaN if it is undefined."""
         return np.array([row.metrics.get(metric, np.nan) for row in self.done], dtype=float)

@@ -1,5 +1,7 @@
 """`understory compare`: what it says, what it leaves, and how it ends."""
 
+from pathlib import Path
+
 import pytest
 from helpers.studies import Serial, sql
 
@@ -158,6 +160,41 @@ def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare
     both = ("--planner", "hover", "--planner", "greedy", "--out", "s", *FLAGS)
     assert compare(*both, "--seeds", "0", executor=Serial())[2].endswith(told.replace("2 trials", "1 trial"))
     assert "not shown" not in compare(*both, "--seeds", "0,1", executor=Serial())[2]
+
+
+@pytest.mark.parametrize(
+    ("then", "place"),
+    [
+        (["--planner", "greedy", "--seeds", "0-1"], "compare-2"),
+        (["--planner", "hover", "--seeds", "0"], "compare-2"),
+        (["--planner", "hover", "--seeds", "2-3"], "compare-2"),
+        (["--planner", "hover", "--seeds", "0-1", "--set", "wind.gust=1"], "compare-2"),
+        (["--planner", "hover", "--seeds", "0-1", "--tracker", "jpda"], "compare"),
+        (["--planner", "hover", "--seeds", f"0-1,{2**70}"], "compare"),
+        (["--planner", "hover", "--planner", "greedy", "--seeds", "0-1"], "compare"),
+        (["--planner", "hover()", "--seeds", "0-1", "--metric", "faults", "--redo"], "compare"),
+    ],
+)
+def test_a_report_is_replaced_only_by_one_of_the_same_trials_or_more(compare, then, place):
+    first = Path("runs/compare")
+    assert compare("--planner", "hover", "--seeds", "0-1", *FLAGS, executor=Serial(INVENTED))[0] == 0
+    before = (first / "report.html").read_bytes()
+    for _ in range(2):  # the same command goes on where it was
+        code, out, err = compare(*then, *FLAGS, executor=Serial(INVENTED))
+        assert code == 0 and f"Results in runs/{place} (report.html)" in out
+        assert (f"runs/compare holds other results; those of this comparison go into runs/{place}" in err) == (
+            place != "compare"
+        )
+    assert ((first / "report.html").read_bytes() == before) == (place != "compare")
+    assert sorted(path.name for path in Path("runs").iterdir()) == sorted({"compare", place})
+
+
+@pytest.mark.parametrize("taken", ["report.html", "mission.npz"])
+def test_results_without_a_store_are_left_alone(compare, taken):
+    Path("runs/compare").mkdir(parents=True)
+    Path("runs/compare", taken).write_text("mine")
+    out = compare("--planner", "hover", "--seeds", "0", *FLAGS, executor=Serial(INVENTED))[1]
+    assert "Results in runs/compare-2" in out and Path("runs/compare", taken).read_text() == "mine"
 
 
 SCORED = """

@@ -136,7 +136,7 @@ def test_of_equal_maps_none_is_called_best_or_worst_and_equal_planners_are_equal
     assert over == ["20.0, seed 0, all 6 equal", "30.0, seed 0, the only one"]  # under no heading
     ((_, text),) = page.of("main")
     assert "b and a cannot be told apart, being equal on every map: scans with OSPA under 1 m 0.0 points" in text
-    assert "Maps flown: 6; a comparison counts those on which both planners have a value." in text
+    assert "Seeds flown: 6; a comparison counts those on which both planners have a value." in text
     assert "For each planner separately, by scans with OSPA under 1 m [%]." in text
     assert "Differences, and won, tied, lost, are over the maps on which both planners have a value." in text
     assert "Maps: the number with a value" not in text  # all that were flown have one
@@ -228,9 +228,26 @@ def test_verdicts_follow_the_interval():
 def test_few_maps_tell_nothing_apart_however_large_the_difference():
     share = find_shown_metric("ospa.share_under_1m")
     for maps in range(1, 6):
-        text = write_verdict("mine", "base", share, gap_of(0.5 + 1e-3 * np.arange(maps)[:, None]))
-        assert text.startswith("mine and base cannot be told apart: scans with OSPA under 1 m +50.")
-        assert f"{maps} map{'s' * (maps > 1)} cannot tell any planners apart; at least six are needed." in text
+        for alike, what in ((False, "map"), (True, "flight")):
+            gap = gap_of(0.5 + 1e-3 * np.arange(maps)[:, None])
+            text = write_verdict("mine", "base", share, gap, alike=alike)
+            start = f"{maps} {what}{'s are' if maps > 1 else ' is'} too few to tell mine and base apart: scans with"
+            assert text.startswith(start) and f"At least 6 {what}s are needed." in text
+
+
+def test_no_verdict_contradicts_its_interval_or_asks_for_fewer_maps_than_there_are():
+    rng, asked = np.random.default_rng(0), 0
+    share = find_shown_metric("ospa.share_under_1m")
+    for _ in range(400):
+        gap = gap_of(rng.normal(0.02, 1) * 0.03 + 0.05 * rng.gamma(0.5, size=(int(rng.integers(2, 13)), 1)))
+        text = write_verdict("mine", "base", share, gap)
+        apart = gap.mean.low > 0 or gap.mean.high < 0
+        assert ("cannot be told apart" in text) == (not apart and gap.pairs >= 6)
+        assert ("is better than" in text or "is worse than" in text) == (apart and gap.pairs >= 6)
+        more = re.findall(r"takes about (\d+) maps", text)
+        assert all(int(maps) > gap.pairs for maps in more)
+        asked += gap.needed <= gap.pairs and not gap.significant
+    assert asked
 
 
 def test_repeats_are_told_and_flown_again(without_pictures):
