@@ -15,7 +15,7 @@ from sim.cli.run import show_run
 from sim.mission.archive import save
 from sim.scenario.loading import SCENARIOS
 from sim.study.definition import STUDIES
-from sim.terminal.commands import run_command_line
+from sim.terminal.commands import load_command, run_command_line
 
 AILING = """
 class Ailing:
@@ -36,6 +36,9 @@ def test_every_command_has_help_without_types_of_python(call, command):
     code, out, err = call(*([] if command is None else [command]), "--help")
     assert (code, err) == (0, "") and "Usage: " in out and "--help" in out
     assert not re.search("<|BOOLEAN|TEXT|PATH", out)
+    flat = " ".join(out.replace("│", " ").split())
+    for param in load_command(COMMANDS[command][0]).params if command else ():
+        assert " ".join(param.help.split()) in flat and "  " not in param.help
 
 
 def test_without_any_folder_for_temporary_files_commands_say_so(call, monkeypatch):
