@@ -63,7 +63,7 @@ def test_long_planners_are_told_apart_by_what_differs_or_by_labels(compare, tmp_
     files = tmp_path / "runs" / "compare"
     assert [line.split(",")[0] for line in (files / "table.csv").read_text().splitlines()[1:3]] == ["near", "far"]
     page = (files / "report.html").read_text()
-    assert "near and far apart" in page and f"--planner &#x27;{LONG[1]}&#x27;" in page
+    assert "near and far cannot be told apart" in page and f"--planner &#x27;{LONG[1]}&#x27;" in page
 
 
 def test_a_scenario_name_or_file_is_compared_by_flags(compare, tmp_path):
