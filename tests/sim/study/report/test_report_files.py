@@ -7,7 +7,7 @@ import shlex
 import msgspec
 import numpy as np
 import pytest
-from helpers.browser import CHROMIUM, SMALL_WORDS, Browser
+from helpers.browser import SMALL_WORDS, Browser, needs_browser
 from helpers.html_pages import Page
 from helpers.trials import failed, row, study
 
@@ -267,7 +267,21 @@ def test_repeats_are_told_and_flown_again(without_pictures):
     assert len(page.of("a")) and "seed 7, repeat 2" in text
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium")
+@needs_browser
+def test_on_paper_a_report_cuts_no_table_off(tmp_path):
+    name = "mylab.planners.experimental:InformationGreedyPlanner(horizon=3, evaluations=9216, weight=0.25)"
+    page = tmp_path / "report.html"
+    page.write_bytes(make_files(study((name, f"{name[:-2]}6)", "hover")), About("long"))["report.html"])
+    with Browser(tmp_path / "profile", width=700) as browser:
+        browser.open(page)
+        browser.show_as("print")
+        wide = (
+            "[...document.querySelectorAll('table')].filter(t => t.getBoundingClientRect().right > innerWidth).length"
+        )
+        assert browser.run(wide) == 0 and browser.print() < 20
+
+
+@needs_browser
 def test_a_browser_shows_it_without_complaint_and_cuts_nothing_on_a_phone(tmp_path, files):
     page = tmp_path / "report.html"
     page.write_bytes(files["report.html"])
