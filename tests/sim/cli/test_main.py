@@ -69,6 +69,7 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path, monkeypa
     before, _, after = out.partition("┏")
     assert "fault at 0.0 s, 5 times until 4.0 s, team: RuntimeError: [bold]lost\n" in before and "fault" not in after
     assert f"{tmp_path / 'ailing.py'}:4, in plan: raise RuntimeError" in before and "All 5 faults" in before
+    assert re.search("decisions that failed +│ +100.0 %", after)
     assert "Files in runs/forest-ailing.Ailing-seed0-2:\n  mission.npz, ospa.png, summary.json, timeline.png\n" in out
 
 
