@@ -163,9 +163,8 @@ DISPATCHED |= {"radians", "partition", "argpartition", "geomspace", "logspace"}
 CHANCE = {"standard_normal", "normal", "exponential", "standard_exponential", "gamma", "multivariate_normal"}
 CHANCE |= {"poisson", "binomial", "gumbel", "laplace", "logistic", "lognormal", "negative_binomial", "rayleigh"}
 CHANCE |= {"standard_t"}
-FOREIGN = {"scipy", "filterpy", "math"}
+FOREIGN = {"scipy", "math"}
 LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
-LIBRARIES |= {"filterpy.common.Q_discrete_white_noise"}  # called for a step of 1 s alone: all powers of 1 are exact
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
 BESIDE = {"planning/testing/made_up_teams.py", "planning/planner_check.py"}
 

@@ -6,14 +6,13 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from filterpy.common import Q_discrete_white_noise
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 
-# Process noise (2, 2) of position and velocity in one dimension, for a step of 1 s and a variance of 1 m²/s⁴. For other
-# steps filterpy takes powers by the C library, whose last bit depends on the processor; so the model scales this one.
-_UNIT_NOISE = Q_discrete_white_noise(2, dt=1.0, var=1.0)
+# Process noise (2, 2) of position and velocity in one dimension, [Li22] eq. (1), for an acceleration of variance
+# 1 m²/s⁴ that is constant over a step of 1 s. The model scales it to other steps.
+_UNIT_NOISE = np.outer([0.5, 1.0], [0.5, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
