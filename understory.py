@@ -41,10 +41,10 @@ from planning.prediction.quadrangle import inside, shortest_move
 from planning.prediction.response import mean_velocities, response
 from planning.testing.made_up_teams import make_random_team
 from sim.environments.observations import Observations
-from sim.exchange.export import EXPORTS, LABELS, write_labelled_images
+from sim.exchange.export import EXPORTS, LABELS, check_options, write_labelled_images
 from sim.exchange.export import export as write_export
 from sim.exchange.scanned_flight import read_flight
-from sim.exchange.tracked_flight import track_flight
+from sim.exchange.tracked_flight import name_flight, track_flight
 from sim.facts.flight import Flight, load
 from sim.facts.metrics.metric import Metric, Outcome
 from sim.mission.mission import Mission
@@ -232,6 +232,8 @@ def track(
     origin: tuple[float, float] = (0.0, 0.0),
     sigma: float = 0.0,
     detector: str = "blob",
+    classes: str = "",
+    least_score: float | None = None,
 ) -> Flight:
     """Track people in a flight from elsewhere, and return its recording with tables and figures.
 
@@ -241,13 +243,22 @@ def track(
         origin: Place in the files [m] that becomes the area's centre.
         sigma: Standard deviation [m] that is added to detections without a covariance.
         detector: Name or "module:Class" of what finds people in images.
+        classes: Names or numbers of the classes of detections that count, as "pedestrian,people"; by default of people.
+        least_score: Of detections that count; by default more than 0.
 
     Raises:
         InputError: If the input is wrong.
     """
-    changes = format_overrides(settings)
-    flight = read_flight(folder, overrides=changes, origin=origin, sigma=sigma, detector=detector)
-    return Flight(track_flight(flight, name=f"flight {Path(folder).resolve().name}").recording)
+    flight = read_flight(
+        folder,
+        overrides=format_overrides(settings),
+        origin=origin,
+        sigma=sigma,
+        detector=detector,
+        classes=classes,
+        least_score=least_score,
+    )
+    return Flight(track_flight(flight, name=name_flight(Path(folder))).recording)
 
 
 def mission(
@@ -355,6 +366,7 @@ def export(
     out: str | Path,
     *,
     truth: bool = True,
+    images: str | None = None,
     every: float = 0.0,
     splits: Mapping[int, str] | None = None,
 ) -> None:
@@ -365,6 +377,7 @@ def export(
         to: "csv", "stonesoup", "mot", "parquet" or "rosbag"; for labelled images "coco" or "yolo".
         out: New folder, written completely or not at all.
         truth: False to leave people, errors and events out of a bag.
+        images: "png" for images in a bag without loss, in place of "jpeg".
         every: Least time [s] between two labelled images of one camera.
         splits: "val" or "test" for labelled images of missions of a seed; all others are for training.
 
@@ -372,6 +385,7 @@ def export(
         InputError: If an argument cannot be used, or a library that writes the format is not installed.
     """
     check_known("to", to, [*EXPORTS, *LABELS])
+    check_options(to, truth=truth, images=images)
     given = [flights] if isinstance(flights, Flight) else list(flights)
     if to in LABELS:
         if any(flight.recording.frames is not None for flight in given):
@@ -380,7 +394,7 @@ def export(
     elif len(given) != 1:
         raise InputError(f"flights: {len(given)} are given; {to} takes one")
     else:
-        write_export(given[0].recording, to, Path(out), truth=truth)
+        write_export(given[0].recording, to, Path(out), truth=truth, images=images)
 
 
 def parallel_env(
@@ -411,7 +425,7 @@ def parallel_env(
             variances; `"true_gospa"`: negative true GOSPA; or a function of a `Situation` and of the true positions
             (M, 2) m. The last two use ground truth and are for training only.
         observe: Numbers of rows of `tracks` and `trees`, 10 each by default; True for `image` adds the frame, True for
-            `flat` gives one vector, the arrays in the order of their names.
+            `flat` gives one vector, and True for `scaled` numbers from -1 to 1, as in `understory.Observations`.
         render_mode: With `"rgb_array"`, `render()` returns frames like those of films, which show the true people.
 
     Raises:

@@ -2,9 +2,10 @@
 
 `python docs/generate.py` writes tables of reference and results. That of some keys of a scenario stands between the
 lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- planners -->`, `<!-- metrics -->` and, of the
-default planner or of one that is named, `<!-- planner options -->`; those of `scores.py` with
-`<!-- gaps: METRIC -->`. MkDocs calls the functions `on_...`: `{{ commands }}` becomes the help of
-all commands, a formula between `$$` becomes MathML, and each tutorial is written as a notebook, too.
+default planner or of one that is named, `<!-- planner options -->`; those of `scores.py` with `<!-- gaps: METRIC -->`;
+signatures and docstrings of what `understory` exports with `<!-- api: run compare -->`. MkDocs calls the functions
+`on_...`: `{{ commands }}` becomes the help of all commands, a formula between `$$` becomes MathML, and each tutorial is
+written as a notebook, too.
 """
 
 import ast
@@ -20,6 +21,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 import msgspec
 
+import understory
 from planning.catalogue import DEFAULT_PLANNER, PLANNERS, import_planner
 from sim.facts.metrics.catalogue import METRICS
 from sim.scenario.camera_settings import CameraSettings
@@ -67,7 +69,7 @@ def generated(markdown: str) -> str:
     from scores import gaps_table
 
     makers = {"keys": keys_table, "planners": planners_table}
-    makers |= {"planner options": options_table, "gaps": gaps_table, "metrics": metrics_table}
+    makers |= {"planner options": options_table, "gaps": gaps_table, "metrics": metrics_table, "api": api_text}
 
     def made(mark: re.Match[str]) -> str:
         table = makers[mark[2]](*(mark[3] or "").split())
@@ -148,6 +150,90 @@ def commands_text() -> str:
             parts.append(f"| `{written.replace('|', chr(92) + '|')}` | {_escaped(parameter.help or '')}{shown} |")
         parts.append("")
     return "\n".join(parts).rstrip("\n")
+
+
+def api_text(*names: str) -> str:
+    """Signature and docstring of names that `understory` exports, and of the methods and properties of classes."""
+    return "\n\n".join(part for name in names for part in _describe(name, getattr(understory, name)) if part)
+
+
+def _describe(name: str, value: Any) -> Iterator[str]:  # noqa: ANN401 - anything that is exported
+    value = getattr(value, "py_func", value)  # of a compiled function
+    yield f"### understory.{name}"
+    if not inspect.isclass(value) and not inspect.isfunction(value):
+        imports = [node for node in ast.parse(inspect.getsource(understory)).body if isinstance(node, ast.ImportFrom)]
+        (home,) = [node.module for node in imports if name in [alias.name for alias in node.names]]
+        lines = inspect.getsource(sys.modules[home]).splitlines()
+        (at,) = [number for number, line in enumerate(lines, 1) if line.startswith(f"{name} = ")]
+        yield _fenced(lines[at - 1].partition("  # ")[0])
+        yield field_comment(lines, at, at)
+        return
+    (node,) = ast.parse(textwrap.dedent(inspect.getsource(value))).body
+    if isinstance(node, ast.FunctionDef):
+        yield _fenced(_signature(node))
+        yield _markdown(node)
+        return
+    assert isinstance(node, ast.ClassDef)
+    methods = [part for part in node.body if isinstance(part, ast.FunctionDef)]
+    lines, shown = textwrap.dedent(inspect.getsource(value)).splitlines(), []
+    for part in node.body:
+        if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name) and part.target.id[0] != "_":
+            comment = textwrap.wrap(field_comment(lines, part.lineno, part.end_lineno or part.lineno), 94)
+            shown += [*(f"# {line}" for line in comment), ast.unparse(part)]
+    shown += [_signature(part) for part in methods if part.name == "__init__"]
+    yield _fenced("\n".join([f"class {name}:", textwrap.indent("\n".join(shown or ["..."]), "    ")]))
+    yield _markdown(node)
+    for part in methods:
+        if not part.name.startswith("_"):
+            yield f"#### {name}.{part.name}"
+            yield _fenced(_signature(part))
+            yield _markdown(part)
+
+
+def _signature(function: ast.FunctionDef) -> str:
+    """Signature as in a stub; too long for a line, with a line for each parameter."""
+    given, values = function.args, [*function.args.defaults]
+    named = [*given.posonlyargs, *given.args]
+    defaults = [None] * (len(named) - len(values)) + values
+    parts = [_parameter(*pair) for pair in zip(named, defaults, strict=True)]
+    if given.vararg or given.kwonlyargs:
+        parts.append("*" + (_parameter(given.vararg) if given.vararg else ""))
+    parts += [_parameter(*pair) for pair in zip(given.kwonlyargs, given.kw_defaults, strict=True)]
+    parts += ["**" + _parameter(given.kwarg)] if given.kwarg else []
+    kinds = [re.sub(r"cached_property", "property", ast.unparse(mark)) for mark in function.decorator_list]
+    marks = "".join(f"@{kind}\n" for kind in kinds if kind in ("property", "classmethod", "staticmethod"))
+    result = f" -> {ast.unparse(function.returns)}" if function.returns else ""
+    line = f"def {function.name}({', '.join(parts)}){result}: ..."
+    if len(line) > 100:
+        line = "\n".join([f"def {function.name}(", *(f"    {part}," for part in parts), f"){result}: ..."])
+    return marks + line
+
+
+def _parameter(arg: ast.arg, default: ast.expr | None = None) -> str:
+    value = f" = {ast.unparse(default)}" if default else ""
+    return f"{arg.arg}: {ast.unparse(arg.annotation)}{value}" if arg.annotation else arg.arg + value.replace(" ", "")
+
+
+def _fenced(code: str) -> str:
+    return f"```py\n{code}\n```"
+
+
+def _markdown(node: ast.FunctionDef | ast.ClassDef) -> str:
+    """A docstring as Markdown: sections as lists, examples as blocks."""
+    text = inspect.cleandoc(ast.get_docstring(node) or "")
+    made, listing = [], False
+    for line in text.splitlines():
+        if section := re.match(r"(Args|Attributes|Returns|Raises|Yields|Example):$", line):
+            listing = section[1] not in ("Returns", "Yields", "Example")
+            made += [f"**{section[1]}:**", ""]
+        elif line.startswith("    "):
+            item = re.match(r"    (\w+): (.*)", line) if listing else None
+            made.append(
+                f"- `{item[1]}`: {item[2]}" if item else ("  " * listing + line.strip() if listing else line[4:])
+            )
+        else:
+            made.append(line)
+    return "\n".join(made)
 
 
 def math(markdown: str) -> str:

@@ -25,25 +25,40 @@ _MOST_ROUNDS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A UAV as its team knows it."""
+    """A UAV as its team knows it.
+
+    Attributes:
+        id: number of the UAV, from 0.
+        position: (3,) m: east, north and up.
+        camera: its camera.
+        noise: covariance of its measurements by distance.
+        max_speed: limit of commanded speeds [m/s].
+        attitude: (4,) quaternion xyzw of the camera in level flight; by default it looks down, with north at the
+            image's top.
+        velocity: (2,) m/s: east and north, as measured.
+        lag: time constant [s] with which the velocity follows a command; 0: at once, [Li22] eq. (5).
+    """
 
     id: int
-    position: Array  # (3,) m
+    position: Array
     camera: Camera
     noise: NoiseModel
-    max_speed: float  # m/s, of commands
-    # Quaternion (xyzw) of the camera in level flight; by default the camera looks down, with north at the image's top.
+    max_speed: float
     attitude: Array = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
-    velocity: Array = field(default_factory=lambda: np.zeros(2))  # m/s, east and north, as measured
-    lag: float = 0.0  # s: time constant with which the velocity follows a command; 0: at once, [Li22] eq. (5)
+    velocity: Array = field(default_factory=lambda: np.zeros(2))
+    lag: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Velocity commands of one UAV; the first is flown, the rest is its intent."""
+    """Velocity commands of one UAV; the first is flown, the rest is its intent.
 
-    controls: Array  # (H, 2) m/s, east and north
-    # Plans (H, 2) m/s, by id, that this UAV expects other UAVs to fly if their own plans do not reach it.
+    Attributes:
+        controls: (H, 2) m/s: east and north, one row for each step of `Situation.step` seconds.
+        others: plans (H, 2) m/s, by id, that this UAV expects other UAVs to fly if their own plans do not reach it.
+    """
+
+    controls: Array
     others: Mapping[int, Array] = field(default_factory=dict)
 
     @property
@@ -61,6 +76,10 @@ class Exchange:
     """Exchange of plans at each decision: each UAV sends its plan to its neighbours, `rounds` times.
 
     With a `centre`, the first UAV plans for all UAVs and sends each its plan, over a network without losses.
+
+    Attributes:
+        rounds: number of rounds.
+        centre: True if the first UAV plans for all.
     """
 
     rounds: int = 1
@@ -73,22 +92,37 @@ class Exchange:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """Knowledge of one UAV when it plans; it holds no ground truth."""
+    """Knowledge of one UAV when it plans; it holds no ground truth.
 
-    time: float  # s
+    Attributes:
+        time: time of the decision [s] since the start.
+        own: this UAV.
+        neighbours: the UAVs that it hears, by ascending id.
+        tracks: tracks of its own tracker.
+        forest: known map of trees.
+        area: width (east) and height (north) [m] of the area, which is centred on the origin.
+        motion: model of the targets over one planning step, with its number of the trackers' scans.
+        intents: last known plan of each UAV by id, its own included; it begins one step ago, and older ones are shifted
+            to that time.
+        reception: for each round of `Exchange`, ids of the UAVs from which a plan of this instant is received; None:
+            all neighbours.
+        undetected: expected number of undetected people in each cell of the area; None: not estimated.
+        looks: cameras and poses of the frames at this decision, its own and those of UAVs that it hears.
+        radio_range: distance [m] beyond which UAVs do not hear each other.
+    """
+
+    time: float
     own: Vehicle
-    neighbours: tuple[Vehicle, ...]  # by ascending id
-    tracks: tuple[Track, ...]  # of its own tracker
+    neighbours: tuple[Vehicle, ...]
+    tracks: tuple[Track, ...]
     forest: Forest
-    area: tuple[float, float]  # m, centred on the origin
-    motion: NearlyConstantVelocity  # of the targets, over one planning step, with its number of the trackers' scans
-    # Last known plan of each UAV, its own included. Plans begin one step ago; older ones are shifted to that time.
+    area: tuple[float, float]
+    motion: NearlyConstantVelocity
     intents: Mapping[int, Plan] = field(default_factory=dict)
-    # For each round of `Exchange`, the UAVs from which a plan of this instant is received; None: all neighbours.
     reception: tuple[tuple[int, ...], ...] | None = None
-    undetected: Intensity | None = None  # intensity of undetected targets; None: not estimated
-    looks: tuple[Look, ...] = ()  # frames at this decision, its own and those of UAVs that it hears
-    radio_range: float = math.inf  # m, distance beyond which UAVs do not hear each other
+    undetected: Intensity | None = None
+    looks: tuple[Look, ...] = ()
+    radio_range: float = math.inf
 
     @property
     def step(self) -> float:

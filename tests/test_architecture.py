@@ -36,8 +36,7 @@ LAYERS = {
     ),
     "sim": (
         *("installation", "scenario", "processes", "world", "sensing", "mission", "facts.metrics", "facts"),
-        *("facts.explain", "views.drawing.palette", "views.scene", "views.drawing", "views.frames", "views"),
-        *("views.page", "exchange"),
+        *("facts.explain", "views", "views.drawing", "views.frames", "views.page", "exchange"),
         *("running", "terminal", "study", "study.analysis", "study.report.figures", "study.report"),
         *("environments", "cli", "__main__"),
     ),
@@ -45,7 +44,7 @@ LAYERS = {
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
 BELOW["sim"] = {"sim", "planning", "tracking"}
 ENGINE = {"world", "bodies", "opengl", "renderer", "shown_bodies", "window"}
-# Of these, planned_visibility.py asks where plans that were flown lead, and teammates.py where they have brought a UAV
+# Of these, planned_path.py asks where plans that were flown lead, and teammates.py where they have brought a UAV
 # out of contact.
 PLANNING = {
     "sim/mission/plan_check.py",
@@ -62,7 +61,7 @@ PLANNING = {
     "sim/cli/checks.py",
     "sim/cli/compare.py",
     "sim/cli/lists.py",
-    "sim/facts/explain/planned_visibility.py",
+    "sim/facts/planned_path.py",
     "sim/study/trials.py",
 }
 # A recorded mission has figures, which are imported when they are asked for: the one arrow that points up.

@@ -1,6 +1,9 @@
 """The public Python API: what it names is there, and missions and comparisons fly by it as by the command line."""
 
+import dataclasses
 import importlib
+import inspect
+import re
 import runpy
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -23,6 +26,16 @@ SHORT = {"duration": 1, "sensing.mode": "ideal"}
 def test_every_name_has_a_docstring():
     for name in understory.__all__:
         assert getattr(understory, name).__doc__, name
+
+
+def test_help_tells_the_meaning_of_every_field():
+    """Of `Composed` the options stand in the reference of planners."""
+    for name in set(understory.__all__) - {"Composed"}:
+        kind = getattr(understory, name)
+        if dataclasses.is_dataclass(kind) or hasattr(kind, "_fields"):
+            own = [field for field in inspect.get_annotations(kind) if not field.startswith("_")]
+            section = inspect.getdoc(kind).partition("Attributes:\n")[2].partition("\n\n")[0]
+            assert re.findall(r"^    (\w+): \S", section, flags=re.M) == own, name
 
 
 def test_a_gymnasium_that_cannot_be_imported_is_no_obstacle(tmp_path, monkeypatch):

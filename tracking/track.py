@@ -26,27 +26,41 @@ SIGHTED_AT = 2  # column of `sightings`: time
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Measurements of one UAV at one instant."""
+    """Measurements of one UAV at one instant.
+
+    Attributes:
+        uav: number of the UAV.
+        time: time [s] since the start.
+        pose: pose of the camera, as its UAV believes it.
+        measurements: (N, 2) m: east and north, on the ground.
+        covariances: (N, 2, 2) m², of the errors of `measurements`.
+    """
 
     uav: int
-    time: float  # s
-    pose: Pose  # of the camera
-    measurements: Array  # (N, 2) m, on the ground
-    covariances: Array  # (N, 2, 2) m²
+    time: float
+    pose: Pose
+    measurements: Array
+    covariances: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Track of a person; its id is the same on all UAVs that agree on the track."""
+    """Track of a person; its id is the same on all UAVs that agree on the track.
+
+    Attributes:
+        id: number of the track.
+        belief: position and velocity of the person, (4,) m and m/s, with their covariance.
+        existence: probability that there is such a person; 1 if the tracker estimates none, as with m of n scans.
+        sighting: (3,) position [m] and time [s] of the fleet's last sure detection; NaN if the tracker gives none.
+    """
 
     id: int
     belief: Gaussian
-    existence: float = 1.0  # probability; 1 if the tracker estimates none, as with m of n scans
-    # (3,) position [m] and time [s] of the fleet's last sure detection; NaN if the tracker gives none
+    existence: float = 1.0
     sighting: Array = field(default_factory=lambda: np.full(3, np.nan))
 
     def renumber(self, id: int) -> Track:
-        """The same track by another id, in half the constructor's time: films renumber thousands in a scan."""
+        """The same track by another id, in half the constructor's time."""
         track = object.__new__(Track)
         track.__dict__.update(self.__dict__, id=id)
         return track

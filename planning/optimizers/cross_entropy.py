@@ -43,19 +43,30 @@ class CrossEntropy:
     so random noise hardly finds the best ones. Therefore, if targets in reach are given, some changes bring a target
     just into view, and fields of view are wider in the first rounds: a continuation from a relaxed problem
     (E. L. Allgower, K. Georg, Numerical Continuation Methods, Springer, 1990).
+
+    Attributes:
+        evaluations: number of plans evaluated besides the starts.
+        elites: number of elites in the first round, falling to `last_elites`.
+        last_elites: number of elites in the last round.
+        rounds: number of rounds.
+        spread: initial size of the noise, in maximum speeds.
+        shrink: factor of `spread` and `apart` from round to round.
+        apart: initial root-mean-square distance of elites' paths, in steps at maximum speed.
+        ease: initial widening of fields of view, in steps at maximum speed.
+        eased_rounds: share of the rounds after which fields of view have their true size.
+        seconds: time [s] for which searches are repeated and after which no round begins; 0: one search. Otherwise
+            results vary.
     """
 
-    evaluations: Annotated[int, Range(0, 10_000_000)] = 12_288  # of the objective, besides the starts
-    elites: Annotated[int, Range(1, 1_000_000)] = 32  # in the first round, falling to `last_elites`
+    evaluations: Annotated[int, Range(0, 10_000_000)] = 12_288
+    elites: Annotated[int, Range(1, 1_000_000)] = 32
     last_elites: Annotated[int, Range(1, 1_000_000)] = 12
     rounds: Annotated[int, Range(1, 1_000_000)] = 18
-    spread: float = 1.0  # initial size of the noise, in maximum speeds
-    shrink: float = 0.8  # factor of `spread` and `apart` from round to round
-    apart: float = 0.6  # initial root-mean-square distance of elites' paths, in steps at maximum speed
-    ease: Annotated[float, Range(0, 1e3)] = 0.3  # initial widening of fields of view, in steps at maximum speed
-    # share of the rounds after which fields of view have their true size
+    spread: float = 1.0
+    shrink: float = 0.8
+    apart: float = 0.6
+    ease: Annotated[float, Range(0, 1e3)] = 0.3
     eased_rounds: Annotated[float, Range(0, 1)] = 0.5
-    # Time [s] for which searches are repeated and after which no round begins; 0: one search. Otherwise results vary.
     seconds: float = 0.0
 
     def __post_init__(self) -> None:

@@ -49,6 +49,9 @@ class Nominal:
 
     With `expected`, a target has five equally probable trajectories through its predicted beliefs rather than the mean
     trajectory alone. Each has its own visibility and trace, and the mean of the traces counts.
+
+    Attributes:
+        expected: True for five trajectories, False for that of the mean.
     """
 
     expected: bool = False

@@ -30,11 +30,11 @@ from sim.scenario.remarks import find_small_people
 from sim.terminal.commands import Recorded, check_new, find_folder
 from sim.terminal.console import console, print_remarks, show_place
 from sim.views.drawing.plots import save
-from sim.views.explain_picture import draw_explanation
+from sim.views.frames.explain_picture import draw_explanation
 from sim.views.frames.frame_panels import encode_png
 from tracking.errors import InputError
 
-_STYLES = {"lost": "red", "not found yet": "red", "off": "yellow", "held by some": "yellow"}
+_STYLES = {"lost": "red", "not found yet": "red", "off the track": "yellow", "held by some": "yellow"}
 
 
 def explain(

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from sim.exchange.export import EXPORTS, LABELS, write_labelled_images
+from sim.exchange.export import EXPORTS, LABELS, check_options, write_labelled_images
 from sim.exchange.export import export as write_export
+from sim.exchange.ros_mission import tell_noise
 from sim.mission.archive import find_recording
 from sim.mission.atomic_files import claim_place
 from sim.mission.recording import Recording
@@ -18,7 +19,7 @@ from sim.running.fly import fly_mission
 from sim.scenario.loading import SCENARIOS, load_scenario, place_of
 from sim.scenario.quantities import parse_duration, parse_integers
 from sim.terminal.commands import Duration, Overrides, find_folder, merge_overrides
-from sim.terminal.console import say, show_files
+from sim.terminal.console import print_remarks, say, show_files
 from sim.terminal.progress import Show, show_compilation, show_progress
 from tracking.errors import InputError, check_known, one_line
 from tracking.settings import DAY
@@ -36,6 +37,7 @@ _To = Annotated[
 ]
 _Out = Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR, or under runs/.")]
 _Truth = Annotated[bool, typer.Option("--truth/--no-truth", help="People, errors and events in a bag, or not.")]
+_Images = Annotated[str | None, typer.Option(metavar="FORMAT", help="Images in a bag: jpeg, the default, or png.")]
 _Every = Annotated[
     str | None,
     typer.Option(metavar="TIME", help="Least time between labelled images of a camera. Default: all."),
@@ -56,6 +58,7 @@ def export(
     to: _To,
     out: _Out = None,
     truth: _Truth = True,
+    images: _Images = None,
     every: _Every = None,
     val: _Val = None,
     test: _Test = None,
@@ -66,8 +69,7 @@ def export(
 ) -> None:
     """Write a recorded mission for other tools, or labelled images of missions, also straight from scenarios."""
     check_known("--to", to, [*EXPORTS, *LABELS])
-    if not truth and to != "rosbag":
-        raise InputError(f"--no-truth: not allowed together with --to {to}; it belongs to --to rosbag")
+    check_options(to, truth=truth, images=images)
     flying = {"--planner": planner, "--duration": duration, "--set": overrides}
     if to not in LABELS:
         labelling = {"--every": every, "--val": val, "--test": test, "--seeds": seeds, **flying}
@@ -76,7 +78,9 @@ def export(
             raise InputError(f"DIR: {recorded[1]!r} is one too many; --to {to} takes one recording")
         recording = find_recording(Path(recorded[0]))
         with claim_place(out, find_folder(Path(recorded[0])) / f"export-{to}") as folder:
-            write_export(recording, to, folder, truth=truth)
+            write_export(recording, to, folder, truth=truth, images=images)
+        if noise := tell_noise(recording) if to == "rosbag" else "":
+            print_remarks(noise)
         show_files(folder)
         return
     apart = 0.0 if every is None else parse_duration(every, "--every", DAY)
@@ -100,6 +104,8 @@ def export(
         announce_compilation(say, partial(show_compilation, show)),
     ):
         write_labelled_images(_fly(flights, show), to, folder, splits=splits, every=apart)
+    if to == "yolo" and "val" not in splits.values():
+        print_remarks("--val: names no seed, so val of data.yaml has no images of its own")
     show_files(folder)
 
 

@@ -14,8 +14,8 @@ from sim.terminal.commands import Recorded, check_new, find_folder
 from sim.terminal.console import say, show_place
 from sim.terminal.progress import show_counted_progress
 from sim.views.drawing.film import AS_FLOWN
+from sim.views.drawing.redrawn_film import check_layout, redraw_film, write_film
 from sim.views.page.page import describe_omission, write_page
-from sim.views.redrawn_film import check_layout, redraw_film, write_film
 from sim.views.window import show
 from tracking.errors import InputError
 

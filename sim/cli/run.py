@@ -68,8 +68,8 @@ def run(
     with prefix_errors(trial.place):
         remarks = find_scenario_remarks(setting)
     print_remarks(*remarks.doubts)
-    if remarks.people:
-        say(remarks.people)
+    for line in remarks.files:
+        say(line)
     options: dict[str, Any] = {"video": video, "metrics": metric or (), "say": say}
     with (
         claim_place(out, Path("runs") / _name_folder(scenario, trial)) as folder,

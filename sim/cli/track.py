@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from sim.exchange.scanned_flight import read_flight
-from sim.exchange.tracked_flight import track_flight
+from sim.exchange.tracked_flight import name_flight, track_flight
 from sim.facts.flight import Flight
 from sim.facts.metrics.summary import make_results_table
 from sim.mission.atomic_files import claim_place, make_new_folder
@@ -18,10 +18,10 @@ from sim.scenario.quantities import parse_number, parse_seed_and_repeat
 from sim.terminal.commands import Overrides
 from sim.terminal.console import console, print_remarks, say, show_files, show_place
 from sim.terminal.progress import show_counted_progress
-from sim.views.redrawn_film import write_film
+from sim.views.drawing.redrawn_film import write_film
 from tracking.errors import InputError
 
-_Flight = Annotated[Path, typer.Argument(metavar="FLIGHT", help="Folder with poses.csv, detections.csv, cameras.csv.")]
+_Flight = Annotated[Path, typer.Argument(metavar="FLIGHT", help="Folder of a flight's files, or a bag of ROS 2.")]
 _Out = Annotated[Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")]
 _Origin = Annotated[str, typer.Option(metavar="X,Y", help="Place in the files [m] that becomes the area's centre.")]
 _Sigma = Annotated[
@@ -30,6 +30,10 @@ _Sigma = Annotated[
 ]
 _Video = Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")]
 _Detector = Annotated[str, typer.Option(metavar="NAME", help="Detector for images.csv, or yours as module:Class.")]
+_Classes = Annotated[
+    str, typer.Option(metavar="NAMES", help="Classes of detections that count, as pedestrian,people. Default: people.")
+]
+_LeastScore = Annotated[str, typer.Option(metavar="S", help="Least score of detections that count. Default: above 0.")]
 _Seed = Annotated[str, typer.Option(metavar="N", help="Decides which messages are lost, with network.loss.")]
 
 
@@ -39,6 +43,8 @@ def track(
     origin: _Origin = "0,0",
     sigma: _Sigma = "0",
     detector: _Detector = "blob",
+    classes: _Classes = "",
+    least_score: _LeastScore = "",
     seed: _Seed = "0",
     out: _Out = None,
     video: _Video = True,
@@ -47,13 +53,21 @@ def track(
     centre = _parse_origin(origin)
     error = _parse_sigma(sigma)
     drawn, _ = parse_seed_and_repeat(seed, "0", "--")
-    scanned = read_flight(flight, overrides=overrides or (), origin=centre, sigma=error, detector=detector)
+    scanned = read_flight(
+        flight,
+        overrides=overrides or (),
+        origin=centre,
+        sigma=error,
+        detector=detector,
+        classes=classes,
+        least_score=_parse_score(least_score) if least_score else None,
+    )
     print_remarks(*scanned.remarks)
     name = flight.resolve().name
     with claim_place(out, Path("runs") / f"track-{name}") as place, make_new_folder(place) as folder:
         scans = len(scanned.frames)
         with show_counted_progress(scans, "scans") as progress:
-            outcome = track_flight(scanned, name=f"flight {name}", seed=drawn, progress=progress)
+            outcome = track_flight(scanned, name=name_flight(flight), seed=drawn, progress=progress)
         results = Results(folder, place, video, ())
         if video:
             with show_counted_progress(scans, "pictures") as progress:
@@ -87,4 +101,11 @@ def _parse_sigma(text: str) -> float:
     value = parse_number(text)
     if not 0 <= value <= 100:
         raise InputError(f"--sigma: {text!r} is not allowed; expected 0 to 100 m")
+    return value
+
+
+def _parse_score(text: str) -> float:
+    value = parse_number(text)
+    if not math.isfinite(value):
+        raise InputError(f"--least-score: {text!r} is not allowed; expected a number such as 0.5")
     return value

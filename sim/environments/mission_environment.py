@@ -24,7 +24,7 @@ from tracking.numerics.arrays import Array
 from tracking.undetected import raster_shape
 
 RENDER_MODES = ["rgb_array"]
-_OBSERVE = {"tracks": 10, "trees": 10, "image": False, "flat": False}
+_OBSERVE = {"tracks": 10, "trees": 10, "image": False, "flat": False, "scaled": False}
 _MOST_ROWS = 10_000
 _REPORTED = 2**32  # seeds below this are reserved for reports
 _OPTIONS = ("repeat", "settings")  # of `reset`
@@ -64,7 +64,7 @@ class MissionEnvironment:
         self._flat: bool = rows["flat"]
         self._check(self._scenario)
         self._uavs = range(len(self._scenario.uavs))
-        self._observations = Observations(len(self._uavs) - 1, rows["tracks"], rows["trees"])
+        self._observations = Observations(len(self._uavs) - 1, rows["tracks"], rows["trees"], scaled=rows["scaled"])
         self._spaces = self._make_observation_spaces(self._scenario)  # one per UAV
         self._reward = find_reward(reward)
         self.metadata = {
@@ -166,12 +166,16 @@ class MissionEnvironment:
         episode = self._require_episode()
         situation = episode.team.get(uav)
         if situation is None:
-            return {name: _make_zeros(space) for name, space in self._spaces[uav].items()}
-        found = self._observations.of(situation)
+            return {name: make_zeros(space) for name, space in self._spaces[uav].items()}
+        found: Observed = self._observations.of(situation)
         if self._image:
-            image = episode.images.get(uav)
-            found["image"] = _make_zeros(self._spaces[uav]["image"]) if image is None else image.copy()
+            found["image"] = self._show(uav)
         return found
+
+    def _show(self, uav: int) -> NDArray[np.uint8]:
+        """The frame of a UAV; zeros if it has broken down."""
+        image = self._require_episode().images.get(uav)
+        return make_zeros(self._spaces[uav]["image"]) if image is None else image.copy()
 
     def _compute_reward(self, uav: int) -> float:
         """Present reward of a UAV, 0 if it has broken down; InputError if a function returns no finite number."""
@@ -203,14 +207,15 @@ class MissionEnvironment:
 
     def _make_space(self, area: tuple[float, float], size: tuple[int, int]) -> spaces.Dict:
         """Observation space of one UAV, given width and height of the area [m] and of its image [pixels]."""
-        o = self._observations
+        o, most = self._observations, 1.0 if self._observations.scaled else np.inf
         tables = {"tracks": (o.tracks, TRACK), "neighbours": (o.neighbours, NEIGHBOUR), "trees": (o.trees, TREE)}
-        found: dict[str, spaces.Space[Any]] = {"own": _make_real_space(len(OWN))}
+        found: dict[str, spaces.Space[Any]] = {"own": _make_real_space(len(OWN), most=most)}
         if not o.neighbours:
             del tables["neighbours"]
         for name, (rows, columns) in tables.items():
-            found[name], found[f"{name}_mask"] = _make_real_space(rows, len(columns)), make_mask_space(rows)
-        found["undetected"] = spaces.Box(0.0, np.inf, raster_shape(area))
+            found[name] = _make_real_space(rows, len(columns), most=most)
+            found[f"{name}_mask"] = make_mask_space(rows)
+        found["undetected"] = spaces.Box(0.0, most, raster_shape(area))
         if self._image:
             found["image"] = spaces.Box(0, 255, (*size[::-1], 3), np.uint8)
         return spaces.Dict(found)
@@ -250,7 +255,7 @@ def _is_integer(value: object) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
-def _make_zeros(space: spaces.Space[Any]) -> NDArray[Any]:
+def make_zeros(space: spaces.Space[Any]) -> NDArray[Any]:
     """Zeros with the shape and type of a space of arrays."""
     assert space.shape is not None
     return np.zeros(space.shape, space.dtype)
@@ -261,8 +266,8 @@ def make_mask_space(*shape: int) -> spaces.Box:
     return spaces.Box(0, 1, shape, np.int8)
 
 
-def _make_real_space(*shape: int) -> spaces.Box:
-    return spaces.Box(-np.inf, np.inf, shape, np.float32)
+def _make_real_space(*shape: int, most: float = np.inf) -> spaces.Box:
+    return spaces.Box(-most, most, shape, np.float32)
 
 
 def _make_state(episode: Episode, size: int) -> NDArray[np.float32]:

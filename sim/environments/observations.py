@@ -1,5 +1,6 @@
 """Observations: knowledge of a UAV as arrays of fixed shape, for training and for planners with a trained policy."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,9 @@ TREE = ("dx", "dy", "radius")
 Observed = dict[str, Any]  # arrays by name
 
 
+_VARIANCE, _DURATION = 100.0, 60.0  # m² and s that scaled observations give as 1
+
+
 @dataclass(frozen=True)
 class Observations:
     """Knowledge of one UAV as arrays of fixed shape, without ground truth.
@@ -31,16 +35,43 @@ class Observations:
     - `neighbours` (N, 6): offset east, north and up [m], velocity [m/s], edge [m]; missing in a fleet of one;
     - `trees` (K, 3): offset east and north, radius of the canopy [m];
     - `undetected` (rows, columns): expected number of undetected people in each cell, rows from south to north.
+
+    Attributes:
+        neighbours: number of rows of neighbours, such as the size of the fleet minus one.
+        tracks: number of rows of tracks.
+        trees: number of rows of trees.
+        flat: True for one vector of 32-bit floats in place of the arrays: `neighbours`, `neighbours_mask`, `own`,
+            `tracks`, `tracks_mask`, `trees`, `trees_mask`, `undetected` and, of a team, `working`, each row by row.
+        scaled: True for lengths in halves of the area's longer edge, speeds in the UAV's speed limit, covariances in
+            100 m² and times in minutes, all of them cut off at -1 and 1, and numbers of people at 1.
     """
 
-    neighbours: int  # number of rows of neighbours, such as the size of the fleet minus one
+    neighbours: int
     tracks: int = 10
     trees: int = 10
+    flat: bool = False
+    scaled: bool = False
 
-    def of(self, situation: Situation) -> Observed:
-        """Observation of one UAV: arrays of 32-bit floats, and masks of 8-bit integers."""
+    def of(self, situation: Situation) -> Any:  # noqa: ANN401 - arrays by name, or a vector
+        """Observation of one UAV: arrays of 32-bit floats, and masks of 8-bit integers; a vector if `flat`."""
+        found = self._observe(situation)
+        return _flatten(found) if self.flat else found
+
+    def of_team(self, team: Iterable[Situation]) -> Any:  # noqa: ANN401 - as `of`
+        """Observations of all UAVs of a team of `neighbours` + 1, as the environment of Gymnasium has them.
+
+        Each array has a row for each UAV by its id, zero without a situation; `working` is one for those with one.
+        """
+        each = {situation.own.id: self._observe(situation) for situation in team}
+        some, uavs = next(iter(each.values())), range(self.neighbours + 1)
+        nothing = {name: np.zeros_like(array) for name, array in some.items()}
+        found = {name: np.stack([each.get(uav, nothing)[name] for uav in uavs]) for name in some}
+        found["working"] = np.array([uav in each for uav in uavs], dtype=np.int8)
+        return _flatten(found) if self.flat else found
+
+    def _observe(self, situation: Situation) -> Observed:
         here = situation.own.position
-        found: Observed = {"own": _float32([*here, *situation.own.velocity, _measure_edge(situation, situation.own)])}
+        own = np.array([*here, *situation.own.velocity, _measure_edge(situation, situation.own)])
         others = [[*(v.position - here), *v.velocity, _measure_edge(situation, v)] for v in situation.neighbours]
         canopies = situation.forest.canopies[:, :3]
         parts = {
@@ -50,13 +81,32 @@ class Observations:
         }
         if not self.neighbours:
             del parts["neighbours"]
+        found: Observed = {"own": _float32(own)}
         for name, (rows, most) in parts.items():
             found[name], found[f"{name}_mask"] = _pad(rows, most)
         undetected = situation.undetected
         found["undetected"] = _float32(
             np.zeros(raster_shape(situation.area)) if undetected is None else undetected.people
         )
-        return found
+        return found | _scale(found, situation) if self.scaled else found
+
+
+def _scale(found: Observed, situation: Situation) -> Observed:
+    """The same arrays, but masks, in units in which they are from -1 to 1."""
+    length, speed = max(situation.area) / 2, situation.own.max_speed
+    units = {
+        "own": [length] * 3 + [speed] * 2 + [length],
+        "tracks": [length] * 2 + [speed] * 2 + [_VARIANCE] * 3 + [1.0, _DURATION],
+        "neighbours": [length] * 3 + [speed] * 2 + [length],
+        "trees": [length] * 3,
+        "undetected": [1.0],
+    }
+    return {name: _float32(np.clip(found[name] / unit, -1.0, 1.0)) for name, unit in units.items() if name in found}
+
+
+def _flatten(found: Observed) -> NDArray[np.float32]:
+    """One vector of arrays in the order of their names, as Gymnasium flattens them."""
+    return np.concatenate([_float32(found[name]).ravel() for name in sorted(found)])
 
 
 def _make_track_rows(situation: Situation) -> Array:

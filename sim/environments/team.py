@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium import error, spaces
 from numpy.typing import NDArray
 
-from sim.environments.mission_environment import MissionEnvironment, Observation, make_mask_space
+from sim.environments.mission_environment import MissionEnvironment, Observation, make_mask_space, make_zeros
 from sim.environments.observations import Observed
 from tracking.errors import InputError
 
@@ -49,9 +49,12 @@ class TeamEnv(MissionEnvironment, gymnasium.Env[Observation, NDArray[np.floating
         return self._observe_all(), reward, not team, bool(team) and episode.over, self._make_info()
 
     def _observe_all(self) -> Observation:
-        each = [self._observe(i) for i in self._uavs]
-        found: Observed = {name: np.stack([one[name] for one in each]) for name in each[0]}
-        found["working"] = np.array([i in self._require_episode().team for i in self._uavs], dtype=np.int8)
+        team = self._require_episode().team
+        if not team:
+            return self._flatten(self._whole, {name: make_zeros(space) for name, space in self._whole.items()})
+        found: Observed = self._observations.of_team(team.values())
+        if self._image:
+            found["image"] = np.stack([self._show(i) for i in self._uavs])
         return self._flatten(self._whole, found)
 
     def _make_info(self) -> dict[str, Any]:

@@ -27,23 +27,35 @@ from sim.exchange.values import (
     make_square_camera,
 )
 from sim.mission.recording import Recording
-from sim.scenario.camera_settings import read_camera
+from sim.scenario.camera_settings import CameraSettings, read_camera
 from sim.scenario.csv_tables import TableRow, read_csv
-from sim.scenario.environment import Trees
 from sim.scenario.scenario import leave_out_removed_keys
 from sim.scenario.settings_text import format_toml
-from sim.world.stem_map import TREE_COLUMNS, read_stem_map
+from sim.scenario.uavs import Uav
+from sim.world.stem_map import TREE_COLUMNS
 from tracking.errors import InputError, spell
-from tracking.geometry.visibility import Forest
+from tracking.settings import read_settings
 
 _PLACE = ("x_m", "y_m")
-_QUATERNION = ("qx", "qy", "qz", "qw")
-_ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
+QUATERNION = ("qx", "qy", "qz", "qw")
+ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
 _PIXEL = ("u_px", "v_px")
+_CLASSES = ("class", "category", "label", "class_id", "category_id", "class_name")  # names of a column
+_SCORES = ("score", "confidence", "conf")
 _PARTS = {"place": _PLACE, "covariance": ("xx_m2", "xy_m2", "yy_m2"), "pixel": _PIXEL}  # of a detection
-POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *_QUATERNION)
+POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *QUATERNION)
 DETECTION_COLUMNS = ("time_s", "uav", *_PLACE, *_PARTS["covariance"], *_PIXEL)
 CAMERA_COLUMNS = ("uav", "fov_deg", "pixels")
+_TUM = {"timestamp": "time_s", "tx": "x_m", "ty": "y_m", "tz": "z_m"}  # names of TUM's trajectories
+# Columns of each file that are read, by the names that stand for them.
+KNOWN = {
+    "poses": _TUM | {name: name for name in (*POSE_COLUMNS, *ANGLES)},
+    "detections": {name: name for name in (*DETECTION_COLUMNS, *_CLASSES, *_SCORES)},
+    "cameras": {
+        name: name
+        for name in (*CAMERA_COLUMNS, "hfov_deg", "width_px", "height_px", "camera", "clock_offset_s", "axes")
+    },
+}
 # Endings of columns by which `tracks.csv` names units.
 _UNITS = {"time": "_s", **dict(zip(STATE, ("_m", "_m", "_m_per_s", "_m_per_s"), strict=True))}
 _UNITS |= {name: ("_m2", "_m2_per_s", "_m2_per_s2")[name.count("v")] for name in COVARIANCE}
@@ -58,17 +70,18 @@ def read_poses(path: Path) -> dict[int, PoseLog]:
 
     In place of the quaternion, yaw_deg, pitch_deg and roll_deg are those of a gimbal: yaw clockwise from north, pitch
     -90 straight down. Without both, cameras look straight down, with north at the top of the image. Without the column
-    uav all rows are of UAV 0. InputError names file, line and column of a wrong entry.
+    uav all rows are of UAV 0. Equal rows count once. InputError names file, line and column of a wrong entry.
     """
     found: defaultdict[int, dict[float, list[float]]] = defaultdict(dict)
     lines: dict[tuple[int, float], int] = {}
-    for row in read_csv(path, "poses", ("time_s", *_PLACE, "z_m")):
+    for row in read_csv(path, "poses", ("time_s", *_PLACE, "z_m"), spares=KNOWN["poses"]):
         uav, time = read_uav(row), row.number("time_s")
-        if (uav, time) in lines:
+        pose = [row.number("x_m"), row.number("y_m"), row.number("z_m"), *_read_attitude(row)]
+        if (uav, time) in lines and found[uav][time] != pose:
             twice = f"UAV {uav} has another pose at {spell(time)} s in line {lines[uav, time]}"
             raise row.error("uav", f"{twice}; number the UAVs apart")
         lines[uav, time] = row.line
-        found[uav][time] = [row.number("x_m"), row.number("y_m"), row.number("z_m"), *_read_attitude(row)]
+        found[uav][time] = pose
     if not found:
         raise InputError(f"poses: {path}: holds no pose")
     ordered = {uav: sorted(poses.items()) for uav, poses in sorted(found.items())}
@@ -79,12 +92,12 @@ def read_detections(path: Path) -> dict[int, CameraFrames]:
     """Frames of each UAV with their detections, from a CSV file with some of the columns `DETECTION_COLUMNS`.
 
     A row is a detection: a place on the ground, maybe with its covariance, or the pixel of the person's mid-height. A
-    row with neither says that the camera took a frame at this time. Rows may have any order. InputError names file,
-    line and column of a wrong entry.
+    row with neither says that the camera took a frame at this time. There may be a column class and a column score.
+    Rows may have any order. InputError names file, line and column of a wrong entry.
     """
     found: defaultdict[int, dict[float, LoggedFrame]] = defaultdict(dict)
     rows: dict[tuple[int, float, LoggedDetection], int] = {}
-    for row in read_csv(path, "detections", ("time_s",)):
+    for row in read_csv(path, "detections", ("time_s",), spares=KNOWN["detections"]):
         if not found and not {*_PLACE} <= {*row.values} and not {*_PIXEL} <= {*row.values}:
             raise InputError(f"detections: {path}, line 1: names neither x_m and y_m nor u_px and v_px")
         uav, time = read_uav(row), row.number("time_s")
@@ -103,16 +116,18 @@ def read_detections(path: Path) -> dict[int, CameraFrames]:
 def read_cameras(path: Path) -> dict[int, LoggedCamera]:
     """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`.
 
-    There may be clock_offset_s, and width_px and height_px of images that are not square. In place of angle of view and
-    pixels, there may be the column camera: a packaged camera, or a file beside this one.
+    There may be clock_offset_s, and width_px and height_px of images that are not square: fov_deg is over a square of
+    `pixels` in the middle. In place of these two, there may be hfov_deg, which is over the width, or the column
+    camera: a packaged camera, or a file beside this one. axes are those of quaternions.
     """
     cameras: dict[int, LoggedCamera] = {}
-    for row in read_csv(path, "cameras", ()):
+    for row in read_csv(path, "cameras", (), spares=KNOWN["cameras"]):
         uav = read_uav(row)
         if uav in cameras:
             raise row.error("uav", f"UAV {uav} has a second row")
         offset = row.optional_number("clock_offset_s") or 0.0
-        cameras[uav] = _read_view(row, path)._replace(clock_offset=offset)
+        axes = row.values.get("axes") or "image"
+        cameras[uav] = _read_view(row, path)._replace(clock_offset=offset, axes=axes)
     return cameras
 
 
@@ -122,20 +137,24 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
             return make_calibrated_camera(read_camera(str(path.parent / name) if Path(name).suffix else name))
         except InputError as error:
             raise row.error("camera", str(error)) from error
-    for column in CAMERA_COLUMNS[1:]:
+    across = bool(row.values.get("hfov_deg")) and not row.values.get("fov_deg")
+    for column in ("width_px", "height_px") if across else CAMERA_COLUMNS[1:]:
         if column not in row.values:
             there = ",".join(row.values)
             raise InputError(f"cameras: {path}, line 1: column {column} is missing; columns are {there}")
-    square = make_square_camera(row.number("fov_deg"), pixels := row.integer("pixels"))
-    width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
-    if pixels > min(width, height):
-        raise row.error("pixels", f"{pixels} is more than an edge of the images of {width} × {height} pixels")
-    return square if width == height == pixels else square.widen((width, height))
-
-
-def read_forest(path: Path, origin: tuple[float, float] = (0.0, 0.0)) -> Forest:
-    """The trees from a CSV file with the columns `TREE_COLUMNS`, or any other stem map; `origin` [m] is subtracted."""
-    return Forest(read_stem_map(path, "trees", Trees(origin=origin), least=0.0).trees)
+    try:
+        if across:
+            size = {"width": row.integer("width_px"), "height": row.integer("height_px")}
+            return make_calibrated_camera(read_settings({**size, "hfov_deg": row.number("hfov_deg")}, CameraSettings))
+        square = make_square_camera(fov_deg := row.number("fov_deg"), pixels := row.integer("pixels"))
+        width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
+        if pixels > min(width, height):
+            more = f"pixels: {pixels} is more than an edge of the images of {width} × {height} pixels"
+            square_of = "fov_deg is over a square of this edge in their middle"
+            raise InputError(f"{more}; {square_of}; if {fov_deg:g} is over the width, call it hfov_deg")
+        return square if width == height == pixels else square.widen((width, height))
+    except InputError as error:
+        raise InputError(str(error) if str(error).startswith(row.where) else f"{row.where}: {error}") from error
 
 
 def read_uav(row: TableRow) -> int:
@@ -145,13 +164,16 @@ def read_uav(row: TableRow) -> int:
 
 def _read_attitude(row: TableRow) -> list[float]:
     """Quaternion xyzw of the camera."""
-    if any(name in row.values for name in _ANGLES):
-        yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in _ANGLES)
+    if any(name in row.values for name in ANGLES):
+        yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in ANGLES)
+        pitch = pitch if ANGLES[1] in row.values else -math.pi / 2
         turn = Rotation.from_euler("ZXZ", [-yaw, math.pi / 2 + pitch, -roll])
         return [float(part) for part in turn.as_quat()]
-    if not any(name in row.values for name in _QUATERNION):
+    if not any(name in row.values for name in QUATERNION):
         return [0.0, 0.0, 0.0, 1.0]
-    quaternion = [row.number(name) for name in _QUATERNION]
+    if not {*QUATERNION} <= {*row.values}:
+        raise InputError(f"{row.where}: columns {', '.join(QUATERNION)} belong together; one of them is missing")
+    quaternion = [row.number(name) for name in QUATERNION]
     norm = math.hypot(*quaternion)
     if abs(norm - 1) > _WRONG:
         raise row.error("qx", f"the quaternion's norm is {norm:g}, not 1")
@@ -173,7 +195,12 @@ def _read_detection(row: TableRow) -> LoggedDetection | None:
             raise row.error("xx_m2", f"xx_m2, xy_m2, yy_m2 of {parts} are not positive definite")
         if "place" not in found:
             raise row.error("x_m", "is empty, but the covariance is that of a place on the ground")
-    return LoggedDetection(**found) if found else None
+    if not found:
+        return None
+    category = next((row.values[name] for name in _CLASSES if name in row.values), "")
+    scores = (row.optional_number(name) for name in _SCORES)
+    score = next((score for score in scores if score is not None), math.nan)
+    return LoggedDetection(**found, category=category, score=score)
 
 
 def write_csv(recording: Recording, folder: Path) -> None:
@@ -190,16 +217,20 @@ def write_csv(recording: Recording, folder: Path) -> None:
     write_map_and_settings(recording, folder)
 
 
-def write_truth(recording: Recording, folder: Path) -> None:
-    """Write the people into `truth.csv`, if they are known."""
+def write_truth(recording: Recording, folder: Path, *, start: float = 0.0) -> None:
+    """Write the people into `truth.csv`, if they are known; start: time there [s] of the first scan."""
     if recording.labelled:
-        rows = list_rows(list_truth(recording), ("time", "person", "x", "y"))
+        truth = list_truth(recording)
+        rows = list_rows({**truth, "time": truth["time"] + start}, ("time", "person", "x", "y"))
         write_table(folder / "truth.csv", ("time_s", "id", "x_m", "y_m"), rows)
 
 
-def write_map_and_settings(recording: Recording, folder: Path) -> None:
-    """Write `scenario.toml` and `trees.csv`."""
+def write_map_and_settings(recording: Recording, folder: Path, *, truth: bool = True) -> None:
+    """Write `scenario.toml` and `trees.csv`; truth: False for cameras as the fleet believes them to be."""
     settings = leave_out_removed_keys(json.loads(recording.scenario))
+    for uav, table in zip(recording.setting.uavs, settings["uavs"], strict=True):
+        if uav.camera and not truth:
+            table["camera"] = _describe_calibration(uav)
     flown = settings | {"duration": float(recording.times[-1]) or recording.setting.duration}
     (folder / "scenario.toml").write_text(format_toml(flown), encoding="utf-8")
     trees = [["" if math.isinf(value) else value for value in row] for row in recording.trees.tolist()]
@@ -228,6 +259,13 @@ def _list_detections(recording: Recording) -> Iterator[Cells]:
             yield [scan.time, uav, *[""] * 7]
 
 
+def _describe_calibration(uav: Uav) -> dict[str, Any]:
+    """The keys of a calibrated camera, as the fleet believes it to be."""
+    o = uav.believed_camera.optics
+    calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5], "distortion": list(o.distortion)}
+    return {"width": o.width, "height": o.height, **calibration}
+
+
 def _write_cameras(recording: Recording, folder: Path) -> None:
     """Write `cameras.csv`, and a file for each calibrated camera, as the fleet believes it to be."""
     uavs = recording.setting.uavs
@@ -235,10 +273,8 @@ def _write_cameras(recording: Recording, folder: Path) -> None:
     for i, uav in enumerate(uavs):
         rows.append([i, uav.fov_deg, uav.pixels, ""])
         if uav.camera:
-            o = uav.believed_camera.optics
-            calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5], "distortion": list(o.distortion)}
             rows[-1][-1] = f"camera{i}.toml"
-            text = format_toml({"width": o.width, "height": o.height, **calibration})
+            text = format_toml(_describe_calibration(uav))
             (folder / f"camera{i}.toml").write_text(text, encoding="utf-8")
     columns = [*CAMERA_COLUMNS, *["camera"] * any(uav.camera for uav in uavs)]
     write_table(folder / "cameras.csv", columns, (row[: len(columns)] for row in rows))

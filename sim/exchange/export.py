@@ -8,14 +8,14 @@ import numpy as np
 from sim.exchange.csv_files import write_csv
 from sim.exchange.image_labels import write_coco, write_yolo
 from sim.exchange.mot import write_mot
-from sim.exchange.ros_mission import write_rosbag
+from sim.exchange.ros_mission import IMAGES, write_rosbag
 from sim.exchange.tables import write_stonesoup, write_tables
 from sim.exchange.values import SPLITS, LabelledImage, ShownPerson
 from sim.facts.rerender import Rerenderer
 from sim.mission.atomic_files import make_new_folder
 from sim.mission.recording import Recording
 from sim.views.frames.frame_panels import encode_png
-from tracking.errors import check_known
+from tracking.errors import InputError, check_known
 from tracking.numerics.arrays import Flags
 
 # What writes a recording into a folder that is new.
@@ -30,18 +30,27 @@ EXPORTS: dict[str, Callable[[Recording, Path], None]] = {
 LABELS: dict[str, Callable[[Iterable[LabelledImage], Path], None]] = {"coco": write_coco, "yolo": write_yolo}
 
 
-def export(recording: Recording, target: str, out: Path, *, truth: bool = True) -> None:
+def export(recording: Recording, target: str, out: Path, *, truth: bool = True, images: str | None = None) -> None:
     """Write a recording into the new folder `out`, completely or not at all; InputError if target or folder is wrong.
 
-    target: one of `EXPORTS`, whose files docs/how-to/tracking.md describes. truth: False to leave out what UAVs do not
-    know, of a bag.
+    target: one of `EXPORTS`, whose files docs/how-to/tracking.md describes. Of a bag only: truth: False to leave out
+    what UAVs do not know; images: "jpeg", the default, or "png".
     """
     check_known("--to", target, EXPORTS)
+    check_options(target, truth=truth, images=images)
     with make_new_folder(out) as folder:
-        if truth:
-            EXPORTS[target](recording, folder)
+        if target == "rosbag":
+            write_rosbag(recording, folder, truth=truth, images=images or "jpeg")
         else:
-            write_rosbag(recording, folder, truth=False)
+            EXPORTS[target](recording, folder)
+
+
+def check_options(target: str, *, truth: bool, images: str | None) -> None:
+    """InputError if options of bags are given to another format, or are none."""
+    for name, given in (("--no-truth", not truth), ("--images", images is not None)):
+        if given and target != "rosbag":
+            raise InputError(f"{name}: not allowed together with --to {target}; it belongs to --to rosbag")
+    check_known("--images", images or "jpeg", IMAGES)
 
 
 def write_labelled_images(

@@ -4,30 +4,37 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
-from sim.exchange.csv_files import read_cameras, read_detections, read_forest, read_poses
+from sim.exchange.csv_files import read_cameras, read_detections, read_poses
+from sim.exchange.flight_doubts import find_doubts, turn
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
-from sim.exchange.ros_flight import find_bag, read_bag
-from sim.exchange.values import CameraFrames, LoggedFlight, LoggedFrame, LoggedUav, PoseLog, find_gap
+from sim.exchange.people_selection import Selection, select_people
+from sim.exchange.ros_flight import BagFlight, find_bag, read_bag
+from sim.exchange.values import CameraFrames, LoggedCamera, LoggedFlight, LoggedFrame, LoggedUav, PoseLog, find_gap
+from sim.scenario.environment import Trees
+from sim.world.stem_map import StemMap, read_stem_map
 from tracking.errors import InputError, list_numbers, spell
 from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array
 
-_LIKELY = ((1e7, "nanoseconds"), (1e4, "microseconds"), (20.0, "milliseconds"))  # with as many s between frames
+# Units of times with more than so many s between frames, or since an epoch; in seconds, 1e11 are 3000 years.
+_LIKELY = ((1e7, 1e17, "nanoseconds"), (1e4, 1e14, "microseconds"), (20.0, 1e11, "milliseconds"))
 _FARTHEST = 9_000.0  # m, of places from the origin
 
 
 Uavs = Mapping[int, LoggedUav]
 
 
-def _detect_in_images(folder: Path, uavs: Uavs, detector: str) -> dict[int, CameraFrames]:
+def _detect_in_images(folder: Path, uavs: Uavs, detector: str, trees: Trees) -> dict[int, CameraFrames]:
     from sim.exchange.images import detect_in_images  # here, as only images need OpenCV
 
-    return detect_in_images(folder / "images.csv", detector, uavs, _read_trees(folder, (0.0, 0.0)))
+    return detect_in_images(folder / "images.csv", detector, uavs, Forest(_read_trees(folder, trees).trees))
 
 
 # Formats of detections by files that tell them, and their readers; of several the first.
-_FORMATS: dict[str, Callable[[Path, Uavs, str], dict[int, CameraFrames]]] = {
+_FORMATS: dict[str, Callable[[Path, Uavs, str, Trees], dict[int, CameraFrames]]] = {
     "detections.csv": lambda folder, *_: read_detections(folder / "detections.csv"),
     "results.json": lambda folder, *_: read_coco(folder),
     "det/det.txt": lambda folder, *_: read_sequences(folder),
@@ -36,24 +43,28 @@ _FORMATS: dict[str, Callable[[Path, Uavs, str], dict[int, CameraFrames]]] = {
 }
 
 
-def read_files(folder: Path, origin: tuple[float, float], detector: str) -> LoggedFlight:
+def read_files(
+    folder: Path, origin: tuple[float, float], detector: str, selection: Selection, trees: Trees
+) -> LoggedFlight:
     """The files of a flight in a folder, whose places have this `origin` [m]; InputError says what to change.
 
-    detector: name of what finds people if the flight has images in place of detections.
+    detector: name of what finds people if the flight has images in place of detections. selection: of people among
+    detections. trees: how to read the stem map.
     """
-    if not folder.is_dir():
-        raise InputError(f"FLIGHT: {folder} is not a folder; expected one with poses.csv and detections.csv, or a bag")
-    logged = None if (folder / "poses.csv").exists() else find_bag(folder)
-    bag = read_bag(logged) if logged else {}
-    own = folder / "cameras.csv"
-    cameras = {i: uav.camera for i, uav in bag.items()} if bag and not own.exists() else read_cameras(own)
-    poses = {i: uav.poses for i, uav in bag.items()} or read_poses(folder / "poses.csv")
+    if not folder.is_dir() and find_bag(folder) is None:
+        expected = "expected one with poses.csv and detections.csv, or a bag of ROS 2"
+        raise InputError(f"FLIGHT: {folder} is not a folder; {expected}")
     read = next((read for name, read in _FORMATS.items() if any(folder.glob(name))), None)
-    if read is None and bag:
-        found = {i: CameraFrames(uav.frames) for i, uav in bag.items()}
-    else:
-        known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
-        found = (read or _FORMATS["detections.csv"])(folder, known, detector)
+    cameras_file, poses_file = folder / "cameras.csv", folder / "poses.csv"
+    there = {"cameras": cameras_file.exists(), "poses": poses_file.exists(), "detections": read is not None}
+    lacking = [part for part, found in there.items() if not found]
+    logged = find_bag(folder) if lacking else None
+    bag = read_bag(logged, lacking) if logged else BagFlight({}, {}, {}, [])
+    cameras = bag.cameras or read_cameras(cameras_file)
+    poses = bag.poses or _turn(read_poses(poses_file), cameras)
+    known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
+    found = bag.frames or (read or _FORMATS["detections.csv"])(folder, known, detector, trees)
+    found, remarks = select_people(found, selection)
     for name, numbers in (("its poses", {*poses}), ("its detections", {*found})):
         if odd := sorted(numbers ^ {*cameras}):
             raise InputError(f"FLIGHT: {folder}: only one of {name} and its cameras has {list_numbers('UAV', odd)}")
@@ -61,8 +72,9 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str) -> Logg
         raise InputError(f"FLIGHT: {folder}: has {list_numbers('UAV', sorted(cameras))}; number UAVs from 0")
     for uav, seen in found.items():
         gap = find_gap(seen.frames)
-        if unit := next((unit for least, unit in _LIKELY if gap > least), ""):
-            span = f"frames of UAV {uav} are {spell(gap, 3)} s apart"
+        time = seen.frames[0].time
+        if unit := next((unit for apart, since, unit in _LIKELY if gap > apart or abs(time) > since), ""):
+            span = f"frames of UAV {uav} are {spell(gap, 3)} s apart, and begin at {spell(time)} s"
             raise InputError(f"detections: {folder}, column time_s: {span}; are these {unit}?")
     start = min(seen.frames[0].time + cameras[uav].clock_offset for uav, seen in found.items())
     uavs = []
@@ -70,11 +82,15 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str) -> Logg
         size = found[i].size
         camera = cameras[i] if size is None else cameras[i].fit(size, f"FLIGHT: {folder}, UAV {i}")
         later = camera.clock_offset - start
-        moved = PoseLog(poses[i].times + later, poses[i].rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
+        moved = PoseLog(_delay(poses[i].times, later), poses[i].rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
         frames = [_shift(frame, later, origin) for frame in found[i].frames]
         people = [_shift(frame, later, origin) for frame in found[i].people]
         uavs.append(LoggedUav(camera, moved, frames, people))
-    flight = LoggedFlight(uavs, _read_trees(folder, origin), start, origin, _find_labels(folder, found))
+    stems = _read_trees(folder, replace(trees, origin=origin))
+    remarks = [*bag.remarks, *remarks]
+    remarks += [f"cameras: UAV {i}: {uav.camera.spans}" for i, uav in enumerate(uavs) if uav.camera.spans]
+    remarks += [*find_doubts(folder, uavs), *filter(None, (stems.summary, *stems.remarks))]
+    flight = LoggedFlight(uavs, Forest(stems.trees), start, origin, _find_labels(folder, found), remarks)
     far = flight.places[np.abs(flight.places).max(axis=1) > _FARTHEST]
     if len(far):
         x, y = (np.array(origin) + far[0]).round(-2).tolist()
@@ -83,9 +99,18 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str) -> Logg
     return flight
 
 
-def _read_trees(folder: Path, origin: tuple[float, float]) -> Forest:
-    stems = folder / "trees.csv"
-    return read_forest(stems, origin) if stems.exists() else Forest(())
+def _turn(poses: Mapping[int, PoseLog], cameras: Mapping[int, LoggedCamera]) -> dict[int, PoseLog]:
+    """The poses with attitudes of images."""
+    turned = {}
+    for i, log in poses.items():
+        axes = cameras[i].axes if i in cameras else "image"
+        turned[i] = PoseLog(log.times, np.hstack([log.rows[:, :3], turn(log.rows[:, 3:], axes)]))
+    return turned
+
+
+def _read_trees(folder: Path, trees: Trees) -> StemMap:
+    path = folder / "trees.csv"
+    return read_stem_map(path, "trees", trees, least=0.0) if path.exists() else StemMap((), (), "", ())
 
 
 def _find_labels(folder: Path, found: Mapping[int, CameraFrames]) -> Path | None:
@@ -100,4 +125,9 @@ def _find_labels(folder: Path, found: Mapping[int, CameraFrames]) -> Path | None
 def _shift(frame: LoggedFrame, later: float, origin: tuple[float, float]) -> LoggedFrame:
     x, y = origin
     moved = [found._replace(place=(found.place[0] - x, found.place[1] - y)) for found in frame.detections]
-    return LoggedFrame(frame.time + later, frame.where, moved)
+    return LoggedFrame(float(_delay(np.array(frame.time), later)), frame.where, moved)
+
+
+def _delay(times: Array, later: float) -> Array:
+    """Times [s], so much [s] later; to the nanosecond, as a stamp less the first one is not exact."""
+    return (times + later).round(9) if later else times

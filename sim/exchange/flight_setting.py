@@ -20,7 +20,8 @@ _RATES = (1, 2, 4, 5, 8, 10, 15, 16, 20, 24, 25, 30)
 _FINE_RATES = (20, 25, 30, 40, 50, 60, 100, 120, 200, 250, 500, 1000)
 EXACT = 1e-3  # periods, largest difference of times from a multiple
 _PHYSICS = 240  # Hz, or a multiple of the rate of scans; nothing is simulated
-_MARGIN = 10.0  # m of the area beyond all places
+# Keys of trees that say how to read a stem map.
+_TREES = ("same_place", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius", "leaf_area_density")
 _SIMULATED = ("dynamics", "wind", "appearance", "first_decision")  # keys without a meaning for a flight
 
 
@@ -52,17 +53,22 @@ def _find_crowded(times: Sequence[Array], rate: int) -> tuple[int, float, float]
     return None
 
 
+def pick_tree_keys(given: Mapping[str, Any]) -> dict[str, Any]:
+    """What the tables of a scenario say of how to read a stem map."""
+    table = given.get("trees")
+    return {key: table[key] for key in _TREES if key in table} if isinstance(table, dict) else {}
+
+
 def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -> Scenario:
     """The scenario of a flight from the tables of its `scenario.toml`, and from its other files."""
     rate = _find_rate(given, flight.uavs)
-    end = given.get("duration", max(uav.frames[-1].time for uav in flight.uavs))
+    # Of the last scan with a frame, whose own time may be a little earlier or later.
+    end = given.get("duration", max(round(uav.frames[-1].time * rate) for uav in flight.uavs) / rate)
     data = _leave_out(leave_out_removed_keys(given), *_SIMULATED)  # which exports of earlier releases have
     tracking = {"initial_tracks": "none", **data.get("tracking", {})}
     if tracking["initial_tracks"] == "known" and flight.labels is None:
         hint = 'set it to "none", or add truth.csv'
         raise InputError(f'tracking.initial_tracks: "known" needs the people, and {folder} has no truth.csv; {hint}')
-    width, height = (20 * np.ceil((np.abs(flight.places).max(axis=0) + _MARGIN) / 10)).tolist()
-    area = data.get("area", {"width": width, "height": height})
     walked = {"start": flight.start, "origin": flight.origin, "outside": "clip"}
     people: dict[str, Any] = {"count": 0}
     if flight.labels:
@@ -73,8 +79,7 @@ def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -
             **data,
             "duration": end or 1 / rate,
             "dynamics": "kinematic",
-            "area": area,
-            "trees": {"file": os.path.abspath(stems)} if stems.exists() else {"density": 0},
+            "trees": {"file": os.path.abspath(stems), **pick_tree_keys(given)} if stems.exists() else {"density": 0},
             "people": people,
             "uavs": list(_list_uavs(data.get("uavs", ()), flight)),
             "rates": {**data.get("rates", {}), "sensing": rate, "physics": rate * -(-_PHYSICS // rate)},

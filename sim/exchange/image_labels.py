@@ -1,6 +1,7 @@
 """People in images: COCO's results are read as detections, and labels are written as COCO and YOLO have them."""
 
 import json
+import math
 from collections import defaultdict
 from collections.abc import Iterable
 from itertools import count
@@ -10,9 +11,9 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from sim.exchange.values import SPLITS, CameraFrames, LabelledImage, LoggedDetection, LoggedFrame
+from sim.exchange.values import NOWHERE, SPLITS, CameraFrames, LabelledImage, LoggedDetection, LoggedFrame
 from sim.mission.recording import Recording
-from sim.scenario.text_files import read_bytes
+from sim.scenario.text_files import read_text
 from tracking.errors import InputError, one_line
 from tracking.numerics.arrays import Flags
 
@@ -30,25 +31,39 @@ class _Image(msgspec.Struct):
     uav: int = 0
 
 
+class _Category(msgspec.Struct):
+    id: int
+    name: str = ""
+
+
 class _Dataset(msgspec.Struct):
     images: list[_Image]
+    categories: list[_Category] = []
 
 
 class _Result(msgspec.Struct):
     image_id: int
     bbox: tuple[float, float, float, float]  # left, top, width and height, in pixels from the top left corner
+    category_id: float | str | None = None
+    score: float | None = None
 
 
 def read_coco(folder: Path) -> dict[int, CameraFrames]:
     """Frames of each UAV: boxes of `results.json` in the images of `images.json`; InputError says what to change.
 
-    Each image has the entry time_s and, of a fleet, uav beside those of COCO. Scores and categories are not used.
+    Each image has the entry time_s and, of a fleet, uav beside those of COCO. `images.json` may name the categories.
     """
-    images = _read(folder / _IMAGES, _Dataset).images
+    dataset = _read(folder / _IMAGES, _Dataset)
+    images, categories = dataset.images, {str(one.id): one.name for one in dataset.categories}
     boxes: defaultdict[int, list[LoggedDetection]] = defaultdict(list)
     for result in _read(folder / RESULTS, list[_Result]):
         left, top, width, height = result.bbox
-        boxes[result.image_id].append(LoggedDetection(pixel=(left + width / 2, top + height / 2)))
+        given = result.category_id
+        number = f"{given:.0f}" if isinstance(given, float) else given or ""
+        pixel = (left + width / 2, top + height / 2) if width > 0 and height > 0 else NOWHERE
+        score = math.nan if result.score is None else result.score
+        detection = LoggedDetection(pixel=pixel, category=categories.get(number, number), score=score)
+        boxes[result.image_id].append(detection)
     if odd := sorted(boxes.keys() - {image.id for image in images}):
         raise InputError(f"detections: {folder / RESULTS}: image_id {odd[0]} is not in {_IMAGES}")
     found: defaultdict[int, list[LoggedFrame]] = defaultdict(list)
@@ -59,12 +74,12 @@ def read_coco(folder: Path) -> dict[int, CameraFrames]:
         if sizes.setdefault(image.uav, size) != size:
             raise InputError(f"{where}: has another size than earlier images of UAV {image.uav}; expected one")
         found[image.uav].append(LoggedFrame(image.time_s, where, boxes[image.id]))
-    return {uav: CameraFrames(frames, size=sizes[uav]) for uav, frames in found.items()}
+    return {uav: CameraFrames(frames, size=sizes[uav], categories=categories) for uav, frames in found.items()}
 
 
 def _read(path: Path, kind: type[_Read]) -> _Read:
     try:
-        return msgspec.json.decode(read_bytes(path, "detections"), type=kind)
+        return msgspec.json.decode(read_text(path, "detections"), type=kind)
     except msgspec.MsgspecError as error:
         raise InputError(f"detections: {path}: {one_line(error)}") from error
 
@@ -95,7 +110,8 @@ def write_coco(images: Iterable[LabelledImage], folder: Path) -> None:
             )
     (folder / "annotations").mkdir()
     for split, dataset in sets.items():
-        whole = {"categories": [{"id": _PERSON, "name": "person"}], "annotations": [], **dataset}
+        about = {"info": {"description": f"Understory: images for {split}"}, "licenses": []}
+        whole = {**about, "categories": [{"id": _PERSON, "name": "person"}], "annotations": [], **dataset}
         (folder / "annotations" / f"instances_{split}.json").write_text(json.dumps(whole), encoding="utf-8")
 
 
@@ -128,7 +144,7 @@ def _encode_runs(mask: Flags) -> list[int]:
 
 
 def write_yolo(images: Iterable[LabelledImage], folder: Path) -> None:
-    """Write a file `labels/SPLIT/NAME.txt` for each image, and `data.yaml`.
+    """Write a file `labels/SPLIT/NAME.txt` for each image, and `data.yaml`, whose tools want `train` and `val`.
 
     A line is a class, then centre, width and height of a box in shares of the image.
     """
@@ -137,11 +153,15 @@ def write_yolo(images: Iterable[LabelledImage], folder: Path) -> None:
         lines = []
         for shown in labelled.people:
             left, top, width, height = shown.box
-            box = np.array([left + width / 2, top + height / 2, width, height]) / (2 * labelled.camera.size)
-            lines.append(" ".join(["0", *(f"{part:.6f}" for part in box)]) + "\n")
+            edges = np.array([[left, top], [left + width, top + height]]) / labelled.camera.size
+            # A seventh digit is needed for the middle of edges with six, which so stay inside the image.
+            first, last = edges.round(6)
+            lines.append(" ".join(["0", *(f"{part:.7f}" for part in (*(first + last) / 2, *last - first))]) + "\n")
         place = folder / "labels" / labelled.split
         place.mkdir(parents=True, exist_ok=True)
         (place / f"{labelled.name}.txt").write_text("".join(lines), encoding="utf-8")
         found.add(labelled.split)
+    instead = min(found, key=SPLITS.index, default=SPLITS[0])
     lines = [f"{split}: images/{split}\n" for split in SPLITS if split in found]
+    lines += [f"{split}: images/{instead}  # it has none of its own\n" for split in SPLITS[:2] if split not in found]
     (folder / "data.yaml").write_text("".join([*lines, "names:\n  0: person\n"]), encoding="utf-8")

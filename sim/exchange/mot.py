@@ -1,8 +1,9 @@
 """Sequences of MOTChallenge: detections and people of each frame, in images or on the ground; and our tracks."""
 
 import configparser
+import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,18 @@ from tracking.errors import InputError, one_line, spell
 from tracking.numerics.arrays import Flags, Indices
 
 _COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z")
-_TRUTH_COLUMNS = (*_COLUMNS[:7], "class", "visibility")  # of nine columns
+# Names of classes by number, which may be in column x: of detectors, which alone count from 0, and of data sets.
+_DETECTORS = {"0": "person"}
+_MOTCHALLENGE = (
+    *("", "pedestrian", "person on vehicle", "car", "bicycle", "motorbike", "non-motorised vehicle"),
+    *("static person", "distractor", "occluder", "occluder on the ground", "full occluder", "reflection", "crowd"),
+)
+_VISDRONE = (
+    *("ignored region", "pedestrian", "people", "bicycle", "car", "van", "truck", "tricycle", "awning-tricycle"),
+    *("bus", "motor", "others"),
+)
+_MOST = 10_000_000  # frames
+_FLAGS = {-1, 0, 1, 2}  # of VisDrone's truncation and occlusion
 
 
 def find_sequences(folder: Path) -> dict[int, Path]:
@@ -46,8 +58,8 @@ def read_sequence(folder: Path) -> CameraFrames:
     """Frames of a sequence with `det/det.txt`, `seqinfo.ini` and maybe `gt/gt.txt`, the first at 0 s.
 
     Frames count from 1, and each up to the last, also without a row, was taken. A row is a box in the image, whose
-    middle is the person's, or with a box of -1 a place x, y on the ground. Confidences are not used; in `gt.txt` those
-    of zero, and classes other than pedestrians, are left out. InputError says what to change.
+    middle is the person's, or with a box of -1 a place x, y on the ground. In place of x, y, z there may be
+    classes, as `_find_classes` says. In `gt.txt` confidences of zero are left out. InputError says what to change.
     """
     info = folder / "seqinfo.ini"
     parser = configparser.ConfigParser()
@@ -59,9 +71,12 @@ def read_sequence(folder: Path) -> CameraFrames:
     rate = facts.get("framerate", 0.0)
     if not rate > 0:
         raise InputError(f"seqinfo: {info}: frameRate is missing; expected the number of frames in a second")
-    found = _read_rows(folder / "det" / "det.txt", "detections")
+    found, names = _read_rows(folder / "det" / "det.txt", "detections")
     truth = folder / "gt" / "gt.txt"
-    people = _read_rows(truth, "truth") if truth.exists() else {}
+    people, names_in_truth = _read_rows(truth, "truth") if truth.exists() else ({}, {})
+    for key in ("seqlength", "imwidth", "imheight"):
+        if not 0 <= facts.get(key, 0) <= _MOST:
+            raise InputError(f"seqinfo: {info}: {key} is no number from 0 to {_MOST}")
     last = max([int(facts.get("seqlength", 0)), *found, *people], default=0)
     if last == 0:
         raise InputError(f"detections: {folder / 'det' / 'det.txt'}: holds no frame")
@@ -74,41 +89,71 @@ def read_sequence(folder: Path) -> CameraFrames:
         frames=[make_frame(number, found.get(number, [])) for number in range(1, last + 1)],
         people=[make_frame(number, people[number]) for number in sorted(people)],
         size=size,
+        categories=names_in_truth | names,
     )
 
 
-def _read_rows(path: Path, field: str) -> dict[int, list[LoggedDetection]]:
-    """Rows of a text file by frame."""
+def _read_rows(path: Path, field: str) -> tuple[dict[int, list[LoggedDetection]], dict[str, str]]:
+    """Rows of a text file by frame, and the names of their classes by number."""
     found: defaultdict[int, list[LoggedDetection]] = defaultdict(list)
-    seen: dict[tuple[int, str], int] = {}
+    seen: dict[tuple[str, str, str], int] = {}
     text = read_text(path, field)
     if not text.strip():
-        return found
+        return found, {}
     count = text.lstrip().partition("\n")[0].count(",") + 1
     if not 7 <= count <= 10:
         raise InputError(f"{field}: {path}, line 1: has {count} entries; expected 7 to 10, as {','.join(_COLUMNS)}")
-    columns = _TRUTH_COLUMNS if count == 9 and field == "truth" else _COLUMNS[:count]
-    for row in read_csv(path, field, columns, nameless=True):
-        if field == "truth" and (not row.number("confidence") or row.values.get("class", "1") not in ("1", "1.0")):
+    rows = list(read_csv(path, field, _COLUMNS[:count], nameless=True))
+    names = _find_classes(rows)
+    for row in rows:
+        confidence = row.number("confidence")
+        if field == "truth" and not confidence:
             continue
-        number, person = row.number("frame"), row.text("id")
-        if number < 1 or number != int(number):
-            raise row.error("frame", f"{spell(number)} is not allowed; frames count from 1")
-        if field == "truth" and (line := seen.setdefault((int(number), person), row.line)) != row.line:
+        frame, person = row.number("frame"), row.text("id")
+        if not 1 <= frame <= _MOST or frame != int(frame):
+            raise row.error("frame", f"{spell(frame)} is not allowed; frames count from 1, to {_MOST} at most")
+        number = "" if names is None else f"{row.number('x'):.0f}"
+        category = "" if number == "-1" else (names or {}).get(number, number)
+        key = (f"{frame:.0f}", person, category)
+        if field == "truth" and (line := seen.setdefault(key, row.line)) != row.line:
             raise row.error("id", f"{person} has another row of this frame in line {line}")
-        found[int(number)].append(_read_box(row, person))
-    return found
+        score = math.nan if confidence == -1 else confidence
+        detection = LoggedDetection(person=person, category=category, score=score)
+        found[int(frame)].append(_place(detection, row, classed=names is not None))
+    return found, names or {}
 
 
-def _read_box(row: TableRow, person: str) -> LoggedDetection:
-    """The middle of a box in the image, whose first pixel has the coordinates 1, or a place on the ground."""
+def _find_classes(rows: Sequence[TableRow]) -> dict[str, str] | None:
+    """Names of classes by number, as far as known, if column x is that of the class of a box; None if it is not.
+
+    Ten columns end with VisDrone's class and flags, or a place, or -1; eight or nine end with MOTChallenge's class.
+    """
+    width, x, y, z = ({parse_number(row.values.get(name, "-1")) for row in rows} for name in ("width", "x", "y", "z"))
+    if max(width) <= 0 or not all(number.is_integer() for number in x) or min(x) < -1 or max(x) < 0:
+        return None
+    whole, flags = "z" in rows[0].values, y | z
+    if whole and not (flags <= _FLAGS and (max(x) > 0 or flags == {-1})):
+        return None
+    if 0 in x and (flags == {-1} or not whole):
+        return _DETECTORS
+    names = _VISDRONE if whole else _MOTCHALLENGE
+    return {str(number): name for number, name in enumerate(names)} if max(x) < len(names) else {}
+
+
+def _place(detection: LoggedDetection, row: TableRow, *, classed: bool) -> LoggedDetection:
+    """A detection with the middle of its box in the image, whose first pixel has the coordinates 1, or on the ground.
+
+    It gets neither if the box has no size. classed: whether there is a class in place of x, y, z.
+    """
     left, top, width, height = (row.number(name) for name in _COLUMNS[2:6])
     if width > 0 and height > 0:
-        return LoggedDetection(pixel=(left - 1 + width / 2, top - 1 + height / 2), person=person)
-    if "x" not in row.values or "y" not in row.values:
-        size = f"{spell(width)} × {spell(height)}"
-        raise row.error("width", f"a box of {size} pixels is none, and there is no place x, y on the ground")
-    return LoggedDetection(place=(row.number("x"), row.number("y")), person=person)
+        return detection._replace(pixel=(left - 1 + width / 2, top - 1 + height / 2))
+    place = [row.number(name) for name in _COLUMNS[7:] if name in row.values and not classed]
+    if len(place) > 1 and place != [-1, -1, -1]:
+        return detection._replace(place=(place[0], place[1]))
+    if (width, height) == (-1, -1):
+        raise row.error("width", "a box of -1 × -1 pixels is none, and there is no place x, y on the ground")
+    return detection
 
 
 def write_mot(recording: Recording, folder: Path) -> None:

@@ -11,6 +11,7 @@ from tracking.errors import InputError, one_line
 CAMERA = "sensor_msgs/msg/CameraInfo"
 IMAGE = "sensor_msgs/msg/CompressedImage"
 IN_IMAGE = "vision_msgs/msg/Detection2DArray"
+LABELS = "vision_msgs/msg/LabelInfo"
 LOG = "rcl_interfaces/msg/Log"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 NUMBER = "std_msgs/msg/Float64"
@@ -20,6 +21,8 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 VELOCITY = "geometry_msgs/msg/TwistStamped"
 # Definitions of vision_msgs 4, which the library does not have.
 _VISION = {
+    "VisionClass": "uint16 class_id\nstring class_name\n",
+    "LabelInfo": "std_msgs/Header header\nvision_msgs/VisionClass[] class_map\nfloat32 threshold\n",
     "Point2D": "float64 x\nfloat64 y\n",
     "Pose2D": "vision_msgs/Point2D position\nfloat64 theta\n",
     "BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n",
@@ -31,6 +34,7 @@ for _size in ("2D", "3D"):
     _detection = "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
     _VISION[f"Detection{_size}"] = f"{_detection}vision_msgs/BoundingBox{_size} bbox\nstring id\n"
     _VISION[f"Detection{_size}Array"] = f"std_msgs/Header header\nvision_msgs/Detection{_size}[] detections\n"
+START = 1  # s, stamp of a mission's start, as ROS takes a stamp of 0 for none
 
 RosMessage = dict[str, Any] | Sequence[Any]  # fields by name, where others are zero, or all in order
 
@@ -62,6 +66,21 @@ TRACKS = Topic("/uav{}/tracks", ON_GROUND)
 UAV_MARKERS = Topic("/uav{}/markers", MARKERS)
 
 
+def count_nanoseconds(time: float) -> int:
+    """The stamp [ns] of a mission's time [s]."""
+    return START * 10**9 + round(time * 1e9)
+
+
+def _make_store() -> Any:  # noqa: ANN401 - the library has no public type for it
+    """The types of messages of Humble, with those of vision_msgs."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in _VISION.items():
+        store.register(get_types_from_msg(text, f"vision_msgs/msg/{name}"))
+    return store
+
+
 class ReadTopic(NamedTuple):
     """The messages of a topic in a bag."""
 
@@ -73,12 +92,11 @@ def read_topics(path: Path, kinds: Collection[str]) -> dict[str, ReadTopic]:
     """The topics of these types in a bag, by name; InputError if it cannot be read."""
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise InputError(f"bag: {path}: needs rosbags: pip install 'rosbags>=0.11'") from error
     found: dict[str, ReadTopic] = {}
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        with AnyReader([path], default_typestore=_make_store()) as reader:
             known = [connection for connection in reader.connections if connection.msgtype in kinds]
             for connection, _, raw in reader.messages(known):
                 topic = found.setdefault(connection.topic, ReadTopic(connection.msgtype, []))
@@ -110,12 +128,9 @@ class RosBag:
     def __init__(self, folder: Path) -> None:
         try:
             from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-            from rosbags.typesys import Stores, get_types_from_msg, get_typestore
         except ImportError as error:
             raise InputError("--to: rosbag needs rosbags: pip install 'rosbags>=0.11'") from error
-        self._store: Any = get_typestore(Stores.ROS2_HUMBLE)
-        for name, text in _VISION.items():
-            self._store.register(get_types_from_msg(text, f"vision_msgs/msg/{name}"))
+        self._store: Any = _make_store()
         self._writer: Any = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)  # which Humble reads, too
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._connections = dict[str, Any]()
@@ -129,14 +144,14 @@ class RosBag:
         self._writer.__exit__(*error)
 
     def write(self, topic: Topic, time: float, message: RosMessage, uav: int | None = None) -> None:
-        """Write a message at a time [s]; uav: the number in the topic's name, if it has one."""
+        """Write a message at a time [s] of the mission; uav: the number in the topic's name, if it has one."""
         name = topic.name.format(uav)
         if name not in self._connections:
             offered = _offer_latched() if topic.latched else []
             connect = self._writer.add_connection
             self._connections[name] = connect(name, topic.kind, typestore=self._store, offered_qos_profiles=offered)
         content = self._store.serialize_cdr(self._build(topic.kind, message), topic.kind)
-        self._writer.write(self._connections[name], round(time * 1e9), content)
+        self._writer.write(self._connections[name], count_nanoseconds(time), content)
 
     def _build(self, kind: str, message: RosMessage) -> Any:  # noqa: ANN401 - types are made as the program runs
         known = self._types.get(kind) or self._find_type(kind)

@@ -1,7 +1,8 @@
 """A recorded mission as a bag of ROS 2, with a layout of Foxglove for it."""
 
 import json
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from itertools import product
 from pathlib import Path
@@ -20,35 +21,63 @@ from sim.facts.metrics.holding import FAR
 from sim.facts.rerender import Rerenderer
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot, find_reported_positions
+from sim.views.frames.frame_panels import encode_png
 from sim.views.scene import SceneMaker
+from tracking.errors import spell
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera
 from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
 from tracking.geometry.quaternions import rotation
 from tracking.metrics.ospa import gospa
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Image
 
-_JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
+_PERSON = ("person", 1.0)  # class and score
 _INFO = 20  # level of messages of a log
 _BODY = PERSON_SIZE * (np.array(list(product((0, 1), repeat=3))) - (0.5, 0.5, 0.0))  # (8, 3) m, corners about the place
 _PLOTS = {"OSPA [m]": ros.ERRORS["ospa"], "GOSPA [m]": ros.ERRORS["gospa"], "Bytes sent": ros.BYTES_SENT}
 _MOST = 4  # panels of the layout in a row or column
 
 
-def write_rosbag(recording: Recording, folder: Path, *, truth: bool = True) -> None:
+def _encode_jpeg(image: Image) -> bytes:
+    return cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
+
+
+# What encodes an image (H, W, 3) RGB, by the name of the format in CompressedImage.
+IMAGES: dict[str, Callable[[Image], bytes]] = {"jpeg": _encode_jpeg, "png": encode_png}
+
+
+def write_rosbag(recording: Recording, folder: Path, *, truth: bool = True, images: str = "jpeg") -> None:
     """Write a bag, a layout of Foxglove for it, and what `track` needs besides: trees, settings and truth.
 
-    truth: False to leave out what UAVs do not know: people, true odometry, errors and events.
+    truth: False to leave out what UAVs do not know: people, true odometry and calibration, errors and events. images:
+    one of `IMAGES`.
     """
-    _write_bag(recording, folder / "bag", truth=truth)
+    _write_bag(recording, folder / "bag", images, truth=truth)
     layout = _make_layout(recording.uav_count, recording.setting.area.width)
     (folder / "foxglove.json").write_text(json.dumps(layout, indent=1), encoding="utf-8")
-    write_map_and_settings(recording, folder)
+    write_map_and_settings(recording, folder, truth=truth)
     if truth:
-        write_truth(recording, folder)
+        write_truth(recording, folder, start=ros.START)
 
 
-def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
+def tell_noise(recording: Recording) -> str:
+    """How far detections on the ground are from where boxes show them; empty if no noise was added to them."""
+    sensing = recording.setting.sensing
+    if recording.frames is not None or sensing.mode == "ideal" or sensing.noise != "range_bearing":
+        return ""
+    away = list[float]()
+    cells = zip(*(part.tolist() for part in recording.cells(recording.measurement_offsets)), strict=True)
+    for (k, i), place, pixel in zip(cells, recording.measurements, recording.pixels, strict=True):
+        camera = recording.setting.uavs[i].believed_camera
+        shown = camera.ground_points(recording.believed_camera_at(k, i), pixel[None], TARGET_HEIGHT)[0]
+        away.append(math.dist(place, shown))
+    if not away:
+        return ""
+    noise = f"{spell(float(np.median(away)), 2)} m in the median, which boxes in images do not have"
+    return f"detections on the ground have noise, as of sensing.noise, of {noise}"
+
+
+def _write_bag(recording: Recording, folder: Path, images: str, *, truth: bool) -> None:
     flight = Flight(recording)
     scenes = SceneMaker(recording.setting, recording.track_numbers)
     events = list(flight.events) if truth else []
@@ -73,8 +102,8 @@ def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
                 if snapshot.frames[i]:
                     _write_detections(bag, snapshot, i, camera)
                     if again:
-                        content = cv2.imencode(".jpg", again.image(k, i)[..., ::-1], _JPEG)[1]
-                        bag.write(ros.IMAGES, time, (head(time, _name_camera(i)), "jpeg", content), i)
+                        content = np.frombuffer(IMAGES[images](again.image(k, i)), dtype=np.uint8)
+                        bag.write(ros.IMAGES, time, (head(time, _name_camera(i)), images, content), i)
                 if i in snapshot.working:
                     _write_tracks(bag, snapshot, i, recording.track_numbers)
                 bag.write(ros.UAV_MARKERS, time, draw_uav(time, uav), i)
@@ -138,7 +167,7 @@ def _write_detections(bag: ros.RosBag, snapshot: Snapshot, uav: int, camera: Cam
     sizes = np.ptp(camera.project(scan.pose, corners.reshape(-1, 3))[0].reshape(-1, 8, 2), axis=1)
     header = head(time, _name_camera(uav))
     boxes = [
-        {"header": header, "bbox": ((pixel, 0.0), *size)}
+        {"header": header, "results": [{"hypothesis": _PERSON}], "bbox": ((pixel, 0.0), *size)}
         for pixel, size in zip(pixels.tolist(), sizes.tolist(), strict=True)
     ]
     bag.write(ros.IMAGE_DETECTIONS, time, (header, boxes), uav)
@@ -173,14 +202,14 @@ def _write_events(bag: ros.RosBag, events: Iterable[Event]) -> None:
         bag.write(ros.EVENTS, event.time, log)
 
 
-def _place(time: float, belief: Gaussian, score: float = 1.0, name: str = "") -> ros.RosMessage:
+def _place(time: float, belief: Gaussian, score: float = _PERSON[1], name: str = "") -> ros.RosMessage:
     """A person on the ground, by a belief of the place [m] and maybe more, of a track's number as name."""
     pose = ((*belief.mean[:2].tolist(), TARGET_HEIGHT), LEVEL)
     entries = np.zeros((6, 6))
     entries[:2, :2] = belief.covariance[:2, :2]
     return {
         "header": head(time),
-        "results": [(("person", score), (pose, entries.ravel()))],
+        "results": [((_PERSON[0], score), (pose, entries.ravel()))],
         "bbox": (pose, PERSON_SIZE),
         "id": name,
     }

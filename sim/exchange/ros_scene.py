@@ -4,10 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from sim.exchange.ros_bag import RosMessage
+from sim.exchange.ros_bag import RosMessage, count_nanoseconds
 from sim.mission.recording import Recording
-from sim.views.drawing.palette import CANOPY, DETECTION, FAINT, PANEL, TRUNK, Colour, lighten
-from sim.views.scene import Scene, UavMark, find_half_axes
+from sim.views.palette import DETECTION, FAINT, PANEL, Colour, lighten
+from sim.views.scene import Scene, UavMark, find_half_axes, mark_trees
 from tracking.geometry.person import PERSON_HEIGHT, PERSON_SIZE, TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 
@@ -15,7 +15,7 @@ Place = tuple[float, float, float]  # m
 WORLD = "map"  # the frame of REP 105, with x to the east, y to the north and z up
 LEVEL = (0.0, 0.0, 0.0, 1.0)  # quaternion xyzw
 _CYLINDER, _LINE_STRIP, _LINE_LIST, _TEXT = 3, 4, 5, 9  # types of markers
-_DELETE_ALL: RosMessage = {"action": 3}
+_DELETE_ALL = 3  # action of a marker
 _SEE_THROUGH = 0.6  # opacity of opaque canopies
 _LETTERS = 1.5  # m, height of names
 
@@ -30,39 +30,38 @@ class _Ink(NamedTuple):
 
 
 def stamp(time: float) -> tuple[int, int]:
-    """Seconds and nanoseconds of a time [s]."""
-    return divmod(round(time * 1e9), 10**9)
+    """Seconds and nanoseconds of the stamp of a mission's time [s]."""
+    return divmod(count_nanoseconds(time), 10**9)
 
 
 def head(time: float, frame: str = WORLD) -> tuple[tuple[int, int], str]:
-    """The header of a message at a time [s] in a frame."""
+    """The header of a message at a time [s] of the mission in a frame."""
     return stamp(time), frame
 
 
 def draw_forest(recording: Recording) -> RosMessage:
     """The edge of the area, trunks and canopies."""
-    area, forest = recording.setting.area, recording.forest
+    area = recording.setting.area
     x, y = area.width / 2, area.height / 2
     corners = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0), (-x, -y, 0.0)]
     found = [_draw_line(0.0, _Ink("area", 0, FAINT), corners)]
-    for s, tree in zip(forest.solids, forest.tree_of_solids.tolist(), strict=True):
-        look = ("trunks", tree, TRUNK) if s.part == "trunk" else ("canopies", tree, CANOPY, _SEE_THROUGH * s.cover)
+    for tree, is_crown, colour, s in mark_trees(recording.forest):
+        kind, opacity = ("canopies", _SEE_THROUGH * s.cover) if is_crown else ("trunks", 1.0)
         size = (2 * s.radius, 2 * s.radius, s.top - s.bottom)
-        found.append(_draw_cylinder(0.0, _Ink(*look), (s.x, s.y, (s.bottom + s.top) / 2), size))
+        found.append(_draw_cylinder(0.0, _Ink(kind, tree, colour, opacity), (s.x, s.y, (s.bottom + s.top) / 2), size))
     return {"markers": found}
 
 
 def draw_people(scene: Scene) -> RosMessage:
     """The people present, with names of those whom no UAV holds."""
-    found = [_DELETE_ALL]
+    found = [_clear(scene.time)]
     for person in scene.people:
         (x, y), trouble = person.place.tolist(), person.look.trouble
         ink = _Ink("people", person.number, trouble or PANEL)
         found.append(_draw_cylinder(scene.time, ink, (x, y, TARGET_HEIGHT), PERSON_SIZE))
-        if trouble:
-            name = ink._replace(namespace="names", colour=lighten(trouble))
-            above = (x, y, PERSON_HEIGHT + _LETTERS)
-            found.append(_write(scene.time, name, above, f"{person.name} {person.hold}"))
+        if person.named:
+            name = ink._replace(namespace="names", colour=lighten(ink.colour))
+            found.append(_write(scene.time, name, (x, y, PERSON_HEIGHT + _LETTERS), person.title))
     return {"markers": found}
 
 
@@ -70,7 +69,7 @@ def draw_uav(time: float, uav: UavMark) -> RosMessage:
     """A UAV where it believes to be: its name, view, intent, detections and tracks; if it is broken, only its name."""
     x, y, z = uav.believed.position.tolist()  # cameras are where their bodies are
     ink = _Ink("uav", uav.number, uav.trouble or uav.colour)
-    found = [_DELETE_ALL, _draw_cylinder(time, ink, (x, y, z), (1.2, 1.2, 0.3))]
+    found = [_clear(time), _draw_cylinder(time, ink, (x, y, z), (1.2, 1.2, 0.3))]
     named = ink._replace(namespace="names", colour=lighten(ink.colour))
     found.append(_write(time, named, (x, y, z + _LETTERS), uav.name))
     if not uav.works:
@@ -119,6 +118,11 @@ def _draw_line(time: float, ink: _Ink, points: Sequence[Sequence[float]], *, kin
 
 def _write(time: float, ink: _Ink, place: Sequence[float], text: str) -> RosMessage:
     return {**_begin(time, ink, _TEXT), "pose": (place, LEVEL), "scale": (0.0, 0.0, _LETTERS), "text": text}
+
+
+def _clear(time: float) -> RosMessage:
+    """A marker by which those of the scan before go."""
+    return {"header": head(time), "action": _DELETE_ALL}
 
 
 def _begin(time: float, ink: _Ink, kind: int) -> dict[str, Any]:

@@ -6,19 +6,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
+from sim.exchange.flight_area import WIDEST, choose_area, leave_area
+from sim.exchange.flight_doubts import name_axes
 from sim.exchange.flight_files import read_files
-from sim.exchange.flight_setting import EXACT, make_setting
-from sim.exchange.values import LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
+from sim.exchange.flight_setting import EXACT, make_setting, pick_tree_keys
+from sim.exchange.people_selection import Selection
+from sim.exchange.values import POSE_GAP, LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
+from sim.scenario.loading import decode
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
 from sim.sensing.cameras import view_of
-from sim.world.recorded_people import read_trajectories, resample
-from sim.world.trajectories import Trajectories
+from sim.world.recorded_people import describe_trajectories, read_trajectories, resample
+from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
 from tracking.detection.detection_errors import whole_covariances
 from tracking.errors import InputError, spell
 from tracking.geometry.camera import Camera, Pose
@@ -27,7 +32,7 @@ from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.track import Scan
 
-_POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
+_NEAR = 0.49  # periods, up to which a person is there before the first time and after the last, in scans and samples
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
 
 
@@ -68,6 +73,8 @@ def read_flight(
     origin: tuple[float, float] = (0.0, 0.0),
     sigma: float = 0.0,
     detector: str = "blob",
+    classes: str = "",
+    least_score: float | None = None,
 ) -> ScannedFlight:
     """Read a flight from the files in its folder; InputError says what to change.
 
@@ -77,14 +84,41 @@ def read_flight(
         origin: Place in the files [m] that becomes the area's centre.
         sigma: Standard deviation [m] to add to detections without a covariance of their own.
         detector: Name of what finds people in images, as `sensing.detector`.
+        classes: Names or numbers of the classes of detections that count, as "pedestrian,people"; by default of people.
+        least_score: Of detections that count; by default more than 0.
     """
     folder = Path(folder)
     own = folder / "scenario.toml"
     given = read_toml(own, "scenario") if own.exists() else {}
-    apply_overrides(given, overrides)
-    flight = read_files(folder, origin, detector)
+    of_uavs = [override for override in overrides if override.startswith("uavs")]
+    apply_overrides(given, [override for override in overrides if override not in of_uavs])
+    selection = Selection(tuple(filter(None, map(str.strip, classes.split(",")))), least_score)
+    trees = decode({"trees": pick_tree_keys(given)}).trees
+    flight = read_files(folder, origin, detector, selection, trees)
+    _override_uavs(given, of_uavs, len(flight.uavs))
     setting = make_setting(folder, given, flight)
-    return _place_on_scans(flight, setting, _find_people(flight, setting), sigma)
+    people = _find_people(flight, setting)
+    if "area" in given:
+        people, remarks = leave_area(flight, setting.area, people)
+    else:
+        area = choose_area(flight, [uav.true_camera for uav in setting.uavs], people)
+        try:
+            setting = replace(setting, area=area)
+        except ValueError as error:  # too large for so many UAVs
+            raise InputError(f"{error}; give a place near the flight: --origin X,Y") from error
+        reach = "all that cameras, trees and people reach" if people else "all that cameras and trees reach"
+        remarks = [f"area: {area.width:g} × {area.height:g} m was chosen, with {reach}"]
+    if not any(uav.people for uav in flight.uavs):
+        remarks += describe_trajectories(setting)[1]
+    return _place_on_scans(flight, setting, people, sigma, remarks)
+
+
+def _override_uavs(given: dict[str, Any], overrides: Sequence[str], count: int) -> None:
+    """Apply overrides of UAVs, of which the scenario may list fewer than the flight has, in place."""
+    rows = given.get("uavs", [])
+    if overrides and isinstance(rows, list):
+        given["uavs"] = [*rows, *({} for _ in range(count - len(rows)))]
+    apply_overrides(given, overrides)
 
 
 def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None:
@@ -94,7 +128,8 @@ def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None
     if path is None:
         return None
     if not any(uav.people for uav in flight.uavs):
-        return read_trajectories(path, setting.area, duration=setting.duration, people=setting.people)
+        slack = _NEAR * max(1 / rate, 2 / SAMPLES_PER_SECOND)  # between two samples, people are there if in both
+        return read_trajectories(path, WIDEST, duration=setting.duration, people=setting.people, slack=slack)
     found: defaultdict[str, dict[int, Array]] = defaultdict(dict)
     for uav, settings in zip(flight.uavs, setting.uavs, strict=True):
         poses = uav.poses.at(np.array([frame.time for frame in uav.people]))
@@ -116,19 +151,20 @@ def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None
 
 
 def _place_on_scans(
-    flight: LoggedFlight, setting: Scenario, people: Trajectories | None, sigma: float
+    flight: LoggedFlight, setting: Scenario, people: Trajectories | None, sigma: float, remarks: Sequence[str]
 ) -> ScannedFlight:
-    """The flight with its frames at scans; frames after its end are left out."""
+    """The flight with its frames at scans; frames after a given end are left out."""
     times = np.array(setting.scan_times)
     rate = setting.rates.sensing
     poses = np.empty((len(times), len(flight.uavs), 7))
     frames = np.zeros((len(times), len(flight.uavs)), dtype=np.bool_)
     observed: dict[tuple[int, int], Observed] = {}
     rounded = 0.0
-    lost = 0
+    lost = late = 0
     for i, uav in enumerate(flight.uavs):
         poses[:, i] = uav.poses.at(times)
         taken = [frame for frame in uav.frames if round(frame.time * rate) < len(times)]
+        late += len(uav.frames) - len(taken)
         at = np.array([frame.time for frame in taken])
         _check_pose_times(uav.poses, at, i, flight.start)
         _check_pixels(taken, i, uav.camera)
@@ -141,21 +177,29 @@ def _place_on_scans(
             observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
             lost += len(frame.detections) - len(observed[k, i].scan.measurements)
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i])
-    remarks = [*_remark(flight, rate, rounded, lost)]
+    if lost and not any(len(found.scan.measurements) for found in observed.values()):
+        every = f"all {lost} are above the horizon, or where a lens shows nothing"
+        axes = "x right, y up and z back, away from the scene"
+        raise InputError(f"detections: {every}; pitch_deg is -90 straight down, and quaternions turn a camera's {axes}")
+    remarks = [*flight.remarks, *remarks, *_remark(flight, rate, rounded, lost)]
+    if late:
+        remarks.append(f"duration: left out: {late} frame{'s' * (late > 1)} after {spell(setting.duration)} s")
     remarks += [] if sigma else _remark_on_covariances(flight, [found.scan for found in observed.values()])
     forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))
 
 
 def _check_pose_times(log: PoseLog, times: Array, uav: int, start: float) -> None:
-    """InputError if a frame has no pose of its UAV near its time [s]."""
-    near = np.searchsorted(log.times, times)
-    before, after = log.times[np.maximum(near - 1, 0)], log.times[np.minimum(near, len(log.times) - 1)]
-    gaps = np.minimum(np.abs(times - before), np.abs(times - after))
-    if len(gaps) and gaps.max() > _POSE_GAP:
-        at, first, last = (spell(start + time) for time in (times[gaps.argmax()], *log.times[[0, -1]]))
-        far = f"UAV {uav} has a frame at {at} s, but no pose within {_POSE_GAP:g} s"
-        raise InputError(f"poses: {far}; its poses are from {first} to {last} s; are both in seconds, of one clock?")
+    """InputError if a frame has no pose of its UAV near its time [s], unless the camera stands still there."""
+    gaps = log.distances(times)
+    if not len(gaps) or gaps.max() <= POSE_GAP:
+        return
+    worst = times[gaps.argmax()]
+    at, first, last = (spell(start + time) for time in (worst, *log.times[[0, -1]]))
+    far = f"UAV {uav} has a frame at {at} s, but no pose within {POSE_GAP:g} s"
+    if log.covers(worst):
+        raise InputError(f"poses: {far}, and moves there; give a pose every {POSE_GAP:g} s")
+    raise InputError(f"poses: {far}; its poses are from {first} to {last} s; are both in seconds, of one clock?")
 
 
 def _find_places(frame: LoggedFrame, pose: Pose, camera: Camera) -> Array:
@@ -201,7 +245,7 @@ def _check_attitude(scans: Sequence[Scan]) -> None:
     if scans and not any(_sees_ground(scan) for scan in scans):
         always = f"the camera of UAV {scans[0].uav} looks above the horizon in each of its {len(scans)} frames"
         hint = "quaternions are xyzw, 0,0,0,1 looks straight down, and pitch_deg is -90 there"
-        raise InputError(f"poses: {always}; {hint}; are these wxyz?")
+        raise InputError(f"poses: {always}; {hint}{name_axes(np.array([scan.pose.quaternion for scan in scans]))}")
 
 
 def _sees_ground(scan: Scan) -> bool:
@@ -231,8 +275,8 @@ def _remark(flight: LoggedFlight, rate: int, rounded: float, lost: int) -> Itera
 def _remark_on_covariances(flight: LoggedFlight, scans: Sequence[Scan]) -> Iterator[str]:
     """A remark if detections have covariances that take poses as exact."""
     detections = (found for uav in flight.uavs for frame in uav.frames for found in frame.detections)
-    if any(math.isnan(found.covariance[0]) for found in detections):
-        traces = [np.trace(scan.covariances, axis1=1, axis2=2) for scan in scans]
-        spread = math.sqrt(np.median(np.concatenate(traces)) / 2)
+    traces = [trace for scan in scans for trace in np.trace(scan.covariances, axis1=1, axis2=2).tolist()]
+    if traces and any(math.isnan(found.covariance[0]) for found in detections):
+        spread = math.sqrt(np.median(traces) / 2)
         exact = f"those without a covariance get {spread:.2f} m, as of exact poses"
         yield f"detections: {exact}; if too many tracks begin, --sigma adds errors of poses"

@@ -2,6 +2,7 @@
 
 import time as clock
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -22,6 +23,12 @@ from tracking.numerics.distances import squared_distance
 from tracking.track import Scan
 
 _OWN = 13.8  # largest squared distance of a detection from its person: 99.9 % of chi-square
+
+
+def name_flight(folder: Path) -> str:
+    """The name of a flight from elsewhere, which stands in place of a planner."""
+    name = folder.resolve().name
+    return name if name.startswith("flight") else f"flight {name}"
 
 
 def track_flight(

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from sim.facts.metrics.score import estimate_velocities
 from sim.mission.recording import Recording
 from sim.scenario.camera_settings import CameraSettings, make_camera
+from sim.scenario.uavs import UavSettings
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera
 from tracking.geometry.quaternions import interpolate_poses
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.trigonometry import tan
+from tracking.settings import read_settings
 
 SPLITS = ("train", "val", "test")  # of labelled images
 Columns = Mapping[str, NDArray[Any]]  # columns (N,) of a table by name
@@ -26,7 +28,9 @@ STATE = ("x", "y", "vx", "vy")  # m, m/s
 # Upper triangle of a covariance by rows; each entry is named by its two states.
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
 TRACK = ("time", "uav", "id", *STATE, *COVARIANCE, "existence")
-_NOWHERE = (math.nan, math.nan)
+NOWHERE = (math.nan, math.nan)
+POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
+_STILL = 1e-3  # m, and parts of a quaternion, by which poses of a camera that stands still differ at most
 
 
 class PoseLog(NamedTuple):
@@ -39,14 +43,35 @@ class PoseLog(NamedTuple):
         """Poses (N, 7) at times (N,) s, interpolated; the first and the last one also hold before and after."""
         return interpolate_poses(self.times, self.rows, np.clip(times, *self.times[[0, -1]]))
 
+    def distances(self, times: Array) -> Array:
+        """Time (N,) s from each of the times (N,) s to the nearest pose; 0 where the camera stands still."""
+        if len(self.times) == 1:
+            return np.zeros(len(times))
+        near = np.searchsorted(self.times, times)
+        before, after = np.maximum(near - 1, 0), np.minimum(near, len(self.times) - 1)
+        gaps = np.minimum(np.abs(times - self.times[before]), np.abs(times - self.times[after]))
+        moves = (before == after) | (np.abs(self.rows[before] - self.rows[after]) > _STILL).any(axis=1)
+        return np.where(moves, gaps, 0.0)
+
+    def covers(self, times: Array) -> Flags:
+        """Mask (N,) of the times (N,) s that are not before the first pose or after the last one."""
+        return np.asarray((self.times[0] <= times) & (times <= self.times[-1]))
+
 
 class LoggedDetection(NamedTuple):
     """One detection, on the ground or in the image; NaN for what is not known."""
 
-    place: tuple[float, float] = _NOWHERE  # m
+    place: tuple[float, float] = NOWHERE  # m
     covariance: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # xx, xy, yy [m²]
-    pixel: tuple[float, float] = _NOWHERE  # of the person's mid-height
+    pixel: tuple[float, float] = NOWHERE  # of the person's mid-height
     person: str = ""  # id, if this is a label
+    category: str = ""  # name of its class, or a number without a name
+    score: float = math.nan  # the detector's confidence
+
+    @property
+    def is_somewhere(self) -> bool:
+        """False for a box without a size."""
+        return not (math.isnan(self.place[0]) and math.isnan(self.pixel[0]))
 
 
 class LoggedFrame(NamedTuple):
@@ -63,6 +88,7 @@ class CameraFrames(NamedTuple):
     frames: list[LoggedFrame]
     people: Sequence[LoggedFrame] = ()  # with the ids of people, if they are known
     size: tuple[int, int] | None = None  # width and height of the images, if known
+    categories: Mapping[str, str] = {}  # names of the classes that have numbers, which detections have, too
 
 
 class LoggedCamera(NamedTuple):
@@ -71,6 +97,8 @@ class LoggedCamera(NamedTuple):
     view: Mapping[str, Any]  # `fov_deg` and `pixels`, or `camera`, of a UAV of a scenario
     size: tuple[int, int]  # width and height of the images [pixel]
     clock_offset: float = 0.0  # s, to add to the UAV's times
+    spans: str = ""  # what its angle of view is over, if that is a part of the images
+    axes: str = "image"  # of the quaternions of its poses
 
     def fit(self, size: tuple[int, int], where: str) -> "LoggedCamera":
         """The camera of images of this size: of wide ones, if its own square is that in their middle; else InputError.
@@ -89,10 +117,15 @@ class LoggedCamera(NamedTuple):
         return self.widen(size)
 
     def widen(self, size: tuple[int, int]) -> "LoggedCamera":
-        """The camera of wide images whose middle square is this one."""
-        focal = self.view["pixels"] / 2 / tan(math.radians(self.view["fov_deg"]) / 2)
-        whole = CameraSettings(width=size[0], height=size[1], focal=(focal, focal))
-        return make_calibrated_camera(whole)._replace(clock_offset=self.clock_offset)
+        """The camera of wide images whose middle square is this one; InputError if there is none."""
+        read_settings({"start": (0.0, 0.0), **self.view}, UavSettings)
+        pixels, fov_deg = self.view["pixels"], self.view["fov_deg"]
+        focal = pixels / 2 / tan(math.radians(fov_deg) / 2)
+        whole = read_settings({"width": size[0], "height": size[1], "focal": (focal, focal)}, CameraSettings)
+        across, down = (math.degrees(2 * math.atan2(edge / 2, focal)) for edge in size)
+        part = f"fov_deg {fov_deg:g} is over {pixels} pixels in the middle of its images"
+        spans = f"{part}, so that their {size[0]} × {size[1]} span {across:.1f} × {down:.1f} deg"
+        return make_calibrated_camera(whole)._replace(clock_offset=self.clock_offset, spans=spans)
 
 
 class LoggedUav(NamedTuple):
@@ -113,6 +146,7 @@ class LoggedFlight:
     start: float  # s, time in the files of the first frame
     origin: tuple[float, float]  # m, place in the files of the origin
     labels: Path | None  # file of the people, if they are known
+    remarks: Sequence[str] = ()  # on what was read
 
     @property
     def places(self) -> Array:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from sim.facts.event import Event, find_ends
 from sim.facts.metrics.score import estimate_velocities
-from sim.facts.people import STATES, PeopleFacts
+from sim.facts.people import PeopleFacts
+from sim.facts.sightings import STATES
 from sim.mission.recording import Recording
 from sim.world.stem_map import TREE_COLUMNS
 from tracking.errors import InputError
@@ -59,11 +60,12 @@ def _list_sightings(facts: PeopleFacts) -> Columns:
 
 
 def _list_losses(facts: PeopleFacts) -> Columns:
-    """A row for each span in which no UAV held a person who was there: lost, off, or not found yet."""
+    """A row for each span in which no UAV held a person who was there, with one grade."""
     spans = facts.unheld
     begin, end = np.array([find_ends(facts.recording.times, span.first, span.last) for span in spans]).reshape(-1, 2).T
     return {
         "person": np.array([span.person for span in spans], dtype=np.int64),
+        "grade": _make_text_column([span.grade for span in spans]),
         "from_s": begin,
         "until_s": end,
         "held_before": np.array([span.found for span in spans], dtype=np.bool_),

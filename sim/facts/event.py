@@ -1,7 +1,7 @@
 """One event of a mission: its kind, times and text, and the person, track and UAVs that it concerns.
 
-A scan represents the time until the next scan; the last scan lasts as long as the previous
-one. A state at the scans k to m therefore lasts m - k + 1 scans, from the instant of scan k to that of scan m + 1.
+A scan represents the time until the next scan, and the last one none: the mission ends with it. A state at the scans
+k to m therefore lasts from the instant of scan k to that of scan m + 1, or to the end.
 Timeline, page, `understory explain`, tables, Rerun and film all follow this rule.
 """
 
@@ -11,15 +11,17 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from sim.facts.metrics.holding import GRADES
 from tracking.numerics.arrays import Array
 
+UNHELD = tuple(f"person {grade}" for grade in GRADES)
 KINDS = (
     "breakdown",
     "fault",
     "contact",
     "link lost",
     "link restored",
-    "messages lost",  # all messages of a scan from one UAV to another
+    "messages lost",  # all messages of scans from one UAV to another, over a link
     "messages heard",
     "track born",  # only tracks that are confirmed or known at the start are recorded
     "track received",  # by a UAV, of a track that others have or had
@@ -27,24 +29,22 @@ KINDS = (
     "track deleted",  # by the last UAVs that have it
     "identity switch",  # a person has a different track than before, as counted by CLEAR MOT
     "identity transfer",  # a track passes to a person who had none before
-    "person not found yet",
-    "person lost",
-    "person off",  # more than `loss_distance`, inside the track's 95 % ellipse
+    *UNHELD,
     "person found",
     "hand-off",  # another UAV detects a person than the one that did last
     "track held",  # by any UAV, where people are unknown
     "false track",
     "duplicate track",
 )
-UNHELD = ("person lost", "person not found yet", "person off")  # states of `HOLDS` in which no UAV holds people
 UNMATCHED = ("false track", "duplicate track")  # tracks
 IDENTITIES = ("identity switch", "identity transfer")
 INCIDENTS = ("breakdown", "fault", "contact")
-_CAUSES = "too far, cut or not there"
 _MOST_OUTAGES = 10  # lines about links that are lost
 _MOST_PAIRS = 6  # pairs of UAVs named in one line
-_Pair = tuple[int, int]
-_Span = tuple[int, int]  # first and last scan
+_OUTAGES = {
+    "link lost": ("no link between UAVs ", "{} and {}"),
+    "messages lost": ("", "UAV {} hears nothing of UAV {}"),
+}
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Event:
     former: int | None = None  # person for whom the track stood before
     track: int | None = None  # number
     uavs: tuple[int, ...] = ()  # the one with the most informative frames comes first
-    scans: tuple[int, ...] = ()  # of `UNHELD` kinds, as `people.Unheld` has them
+    scans: tuple[int, ...] = ()  # of `UNHELD` kinds, as `holding.Unheld` has them
 
     @property
     def sentence(self) -> str:
@@ -82,9 +82,7 @@ def find_ends(times: Array, first: int, last: int) -> tuple[float, float]:
 
     If a mission has a single scan, it represents one second.
     """
-    if last + 1 < len(times):
-        return float(times[first]), float(times[last + 1])
-    return float(times[first]), float(times[-1] + (times[-1] - times[-2] if len(times) > 1 else 1.0))
+    return float(times[first]), float(times[min(last + 1, len(times) - 1)] + (len(times) == 1))
 
 
 def make_lasting_event(times: Array, span: tuple[int, int], kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401 - fields of Event
@@ -127,61 +125,56 @@ def assign_lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:
 
 
 def summarise_outages(events: Sequence[Event], times: Array, also: Collection[str] = ()) -> list[Event]:
-    """Events of all times without a link, sorted by time; pairs of UAVs with the same times share one.
+    """Events of all times without a link or a message, sorted by time; pairs of UAVs with the same times share one.
 
-    Of more than ten such events the nine with the longest times are kept, and one is about all other pairs. events:
+    Of more than ten such events the nine with the longest times are kept, and others are about all other pairs. events:
     those of a mission, of which the kinds `also` are added; times (K,) s.
     """
-    alike = defaultdict(list)
-    for pair, outages in _find_outages(events, times).items():
-        alike[tuple(outages)].append(pair)
-    longest = sorted(alike, key=lambda outages: sum(last + 1 - first for first, last in outages), reverse=True)
+    of_pair: defaultdict[tuple[str, tuple[int, ...]], list[Event]] = defaultdict(list)
+    for event in (event for event in events if event.kind in _OUTAGES):
+        of_pair[event.kind, event.uavs].append(event)
+    alike: defaultdict[tuple[Any, ...], list[list[Event]]] = defaultdict(list)
+    for (kind, _), own in of_pair.items():
+        alike[(kind, *((event.first, event.last, event.why) for event in own))].append(own)
+    longest = sorted(alike.values(), key=lambda pairs: _sum_seconds(pairs[0], times), reverse=True)
     named = len(longest) if len(longest) <= _MOST_OUTAGES else _MOST_OUTAGES - 1
     found = [event for event in events if event.kind in also]
-    for own in longest[:named]:
-        text = f"no link between {_name_pairs(alike[own])}"
-        if len(own) > 1:
-            seconds = sum(end - begin for begin, end in (find_ends(times, *outage) for outage in own))
-            text += f", {len(own)} times, {seconds:.1f} s in all"
-        found.append(_make_outage(times, (own[0][0], own[-1][1]), text))
-    if rest := longest[named:]:
-        pairs = sum(len(alike[own]) for own in rest)
-        span = min(own[0][0] for own in rest), max(own[-1][1] for own in rest)
-        found.append(_make_outage(times, span, f"no link at times between {pairs} more pairs of UAVs"))
+    found += [_join_outages([one for one, *_ in pairs], pairs[0], times) for pairs in longest[:named]]
+    for kind in _OUTAGES:
+        rest = [own for pairs in longest[named:] for own in pairs if own[0].kind == kind]
+        if rest:
+            outages = sorted((event for own in rest for event in own), key=lambda event: event.first)
+            what = "no link at times between" if kind == "link lost" else "at times nothing is heard between"
+            text = f"{what} {len(rest)} more pair{'s' * (len(rest) > 1)} of UAVs"
+            found.append(_note_outages(text, outages, times))
     return sorted(found, key=lambda event: event.time)
 
 
 def list_outages_at(events: Sequence[Event], times: Array, k: int) -> list[Event]:
-    """Events of UAVs without a link at scan k, and from when to when, the longest first."""
+    """Events of UAVs without a link or a message at scan k, and from when to when, the longest first."""
     now = defaultdict(list)
-    for pair, outages in _find_outages(events, times).items():
-        for first, last in outages:
-            if first <= k <= last:
-                now[first, last].append(pair)
-    most = sorted(now, key=lambda span: (span[0], -span[1]))
-    return [_make_outage(times, span, f"no link between {_name_pairs(now[span])}") for span in most]
+    for event in events:
+        if event.kind in _OUTAGES and event.first <= k <= event.last:
+            now[event.first, -event.last, event.kind, event.why].append(event)
+    return [_join_outages(now[key], now[key][:1], times) for key in sorted(now)]
 
 
-def _find_outages(events: Iterable[Event], times: Array) -> dict[_Pair, list[_Span]]:
-    """The outages of each pair of UAVs that has any; that of a UAV which breaks down ends with it."""
-    begun: dict[_Pair, int] = {}
-    found = defaultdict(list)
-    for event in sorted(events, key=lambda event: event.first):
-        if event.kind == "link lost":
-            begun[min(event.uavs), max(event.uavs)] = event.first
-        elif event.kind in ("link restored", "breakdown"):
-            for pair in [pair for pair in begun if set(event.uavs) <= set(pair)]:
-                found[pair].append((begun.pop(pair), event.first - 1))
-    for pair, first in begun.items():
-        found[pair].append((first, len(times) - 1))
-    return found
+def _join_outages(pairs: Sequence[Event], own: Sequence[Event], times: Array) -> Event:
+    """One event of several pairs of UAVs, of each of which one outage is given; own: all outages of one pair."""
+    begin, form = _OUTAGES[own[0].kind]
+    more = len(pairs) - _MOST_PAIRS
+    named = ", ".join(form.format(*event.uavs) for event in pairs[:_MOST_PAIRS])
+    return _note_outages(begin + named + (f", and {more} more pair{'s' * (more > 1)}" if more > 0 else ""), own, times)
 
 
-def _make_outage(times: Array, span: _Span, text: str) -> Event:
-    return make_lasting_event(times, span, "link lost", text, why=_CAUSES)
+def _note_outages(text: str, outages: Sequence[Event], times: Array) -> Event:
+    """An event from the first to the last of some outages, with their number, sum and reasons."""
+    if len(outages) > 1:
+        text += f", {len(outages)} times, {_sum_seconds(outages, times):.1f} s in all"
+    why = ", ".join(dict.fromkeys(event.why for event in outages if event.why))
+    span = outages[0].first, max(event.last for event in outages)
+    return make_lasting_event(times, span, outages[0].kind, text, why=why)
 
 
-def _name_pairs(pairs: Sequence[_Pair]) -> str:
-    named = [f"{i} and {j}" for i, j in sorted(pairs)[:_MOST_PAIRS]]
-    more = len(pairs) - len(named)
-    return f"UAVs {', '.join(named)}" + (f", and {more} more pair{'s' * (more > 1)}" if more else "")
+def _sum_seconds(outages: Iterable[Event], times: Array) -> float:
+    return math.fsum(end - begin for begin, end in (find_ends(times, e.first, e.last) for e in outages))

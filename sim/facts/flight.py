@@ -3,7 +3,6 @@
 The figures are views, which stand above facts: they are imported when a figure is asked for.
 """
 
-import sys
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.facts.columns import TABLES, make_columns, make_dataframe, make_event_columns
-from sim.facts.event import Event, find_ends
+from sim.facts.event import Event
 from sim.facts.metrics.catalogue import METRICS
+from sim.facts.metrics.holding import GRADES
 from sim.facts.metrics.metric import Outcome
-from sim.facts.metrics.summary import format_planner_title
+from sim.facts.metrics.summary import format_recording_title
 from sim.facts.mission_events import find_events
-from sim.facts.people import PeopleFacts
+from sim.facts.people import PeopleFacts, tell_losses
 from sim.mission.archive import find_recording, save
 from sim.mission.recording import Recording
-from sim.scenario.random_streams import format_seed
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError, check_known
 
@@ -33,10 +32,6 @@ _SLACK = 1e-6  # s, tolerance for typed times
 
 def load(run: str | Path) -> "Flight":
     """Load the mission in a run's folder or a file `mission.npz`; InputError if none can be read."""
-    if "IPython" in sys.modules:
-        from sim.views.notebook import show_figures
-
-        show_figures()
     return Flight(find_recording(Path(run)))
 
 
@@ -111,7 +106,7 @@ class Flight:
 
     def timeline_figure(self) -> "Figure":
         """The timeline: the states of each person in the cameras and to the tracks; InputError if they are unknown."""
-        from sim.views.timeline import draw_timeline
+        from sim.views.drawing.timeline import draw_timeline
 
         self._check_labels("timeline")
         return draw_timeline(self.people, self.recording.ospa, self.events)
@@ -122,14 +117,14 @@ class Flight:
 
     def map_figure(self, time: float) -> "Figure":
         """The map at the scan nearest to `time` s, with trails of the last seconds; its axes are in metres."""
-        from sim.views.notebook import make_map_figure
+        from sim.views.frames.notebook import make_map_figure
 
         (k,) = find_scans(self.recording, time, None, name="time")
         return make_map_figure(self.recording, k, self.people.hold_states[k])
 
     def frame_figure(self, time: float, uav: int) -> "Figure":
         """The annotated image of a UAV's camera at the scan nearest to `time` s, rendered again."""
-        from sim.views.notebook import make_frame_figure
+        from sim.views.frames.notebook import make_frame_figure
 
         uavs = len(self.scenario.uavs)
         if not 0 <= uav < uavs:
@@ -140,21 +135,14 @@ class Flight:
     def __repr__(self) -> str:
         """The results of the mission in one line."""
         r = self.recording
-        kinds = [loss.kind for loss in self.people.unheld]
-        lost = [loss for loss in self.people.unheld if loss.kind == "person lost"]
-        spans = [find_ends(r.times, loss.first, loss.last) for loss in lost]
-        longest = max((end - begin for begin, end in spans), default=0.0)
-        losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
-        if unfound := kinds.count("person not found yet"):
-            losses += f", and {unfound} of people not found before"
         outcome, names = Outcome(r), ("ospa.mean_m", "ospa.share_under_1m", "share_held")
         mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)
         parts = [
-            f"{format_planner_title(r.planner, r.sees_truth)}, {format_seed(r.seed, r.repeat)}",
+            format_recording_title(r),
             f"{r.times[-1] - r.times[0]:.1f} s, {r.scan_count} scans{' (interrupted)' * r.interrupted}",
             f"{r.uav_count} UAVs, {r.person_count if r.labelled else 'unknown'} people, {len(r.trees)} trees",
             f"OSPA mean {mean}, {share} under 1 m",
             f"people held {held}",
-            f"losses {losses}",
+            *filter(None, (tell_losses(self.people, grade) for grade in GRADES if r.labelled)),
         ]
         return f"<Flight: {'; '.join(parts)}>"

@@ -1,22 +1,24 @@
 """The search for the events of a recorded mission, for the page, the timeline, `understory explain` and Rerun."""
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from sim.facts.event import KINDS, Event, find_ends, make_lasting_event
 from sim.facts.metrics.fleet_facts import find_handoffs, list_contacts
-from sim.facts.metrics.holding import find_episodes
+from sim.facts.metrics.holding import NO_TRACK, OUTSIDE, Unheld, find_episodes
 from sim.facts.metrics.unmatched import find_unmatched_tracks
-from sim.facts.people import STATES, PeopleFacts, Unheld, describe_view, group_views
-from sim.facts.sightings import tell_fade
+from sim.facts.people import PeopleFacts, describe_view, group_views
+from sim.facts.sightings import STATES, tell_fade
 from sim.facts.words import name_fleet
+from sim.mission.radio import find_broken_links
 from sim.mission.recorded_links import find_recorded_links
 from sim.mission.recording import Recording
 from sim.world.contacts import describe_body
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 
 
 def find_events(facts: PeopleFacts) -> tuple[Event, ...]:
@@ -75,21 +77,31 @@ def _list_contacts(recording: Recording) -> Iterator[Event]:
 
 
 def _find_link_changes(recording: Recording) -> Iterator[Event]:
-    """Links lost and restored, and the loss of all messages of a scan over one that is up; first, all are up."""
-    uavs = recording.uav_count
-    up, silent = ~np.eye(uavs, dtype=np.bool_), np.zeros((uavs, uavs), dtype=np.bool_)
-    for k, (works, now) in enumerate(zip(recording.working, find_recorded_links(recording), strict=True)):
-        quiet = now.up & ~now.contact
-        both = works & works[:, None]
-        for kind, changed, words in (
-            ("link lost", np.triu(up & ~now.up & both), "UAV {} and UAV {}: too far, cut or not there"),
-            ("link restored", np.triu(now.up & ~up), "UAV {} and UAV {}"),
-            ("messages lost", quiet & ~silent, "UAV {} hears nothing of UAV {}"),
-            ("messages heard", silent & now.contact, "UAV {} hears UAV {} again"),
-        ):
-            for i, j in np.argwhere(changed).tolist():
-                yield _note_at(recording, k, kind, words.format(i, j), uavs=(i, j))
-        up, silent = now.up, quiet
+    """Spans of UAVs that work without a link, or with one but without a message, and what ends them."""
+    links, network = find_recorded_links(recording), recording.setting.network
+    up, heard = np.array([now.up for now in links]), np.array([now.contact for now in links])
+    both = recording.working[:, :, None] & recording.working[:, None]
+    rows = zip(recording.times.tolist(), recording.poses[:, :, :3], strict=True)
+    broken = [find_broken_links(network, time, places) for time, places in rows]
+    reasons = {name: np.array([now[name] for now in broken]) for name in broken[0]}
+    for i, j in permutations(range(recording.uav_count), 2):
+        if i < j:
+            for first, last in _find_spans(both[:, i, j] & ~up[:, i, j]):
+                why = ", ".join(name for name, mask in reasons.items() if mask[first : last + 1, i, j].any())
+                text = f"UAV {i} and UAV {j}"
+                yield make_lasting_event(recording.times, (first, last), "link lost", text, why=why, uavs=(i, j))
+                if last + 1 < len(up) and up[last + 1, i, j]:
+                    yield _note_at(recording, last + 1, "link restored", text, uavs=(i, j))
+        for first, last in _find_spans(up[:, i, j] & ~heard[:, i, j]):
+            text = f"UAV {i} hears nothing of UAV {j}"
+            yield make_lasting_event(recording.times, (first, last), "messages lost", text, uavs=(i, j))
+            if last + 1 < len(up) and heard[last + 1, i, j]:
+                yield _note_at(recording, last + 1, "messages heard", f"UAV {i} hears UAV {j} again", uavs=(i, j))
+
+
+def _find_spans(mask: Flags) -> list[tuple[int, int]]:
+    """First and last scans of the spans in which a mask (K,) is true."""
+    return [(first, last) for first, last, value in find_episodes(mask.astype(np.int64)) if value]
 
 
 def _find_holding_changes(recording: Recording) -> Iterator[Event]:
@@ -118,12 +130,10 @@ def _list_held_tracks(recording: Recording) -> Iterator[Event]:
     """Spans in which any UAV reports a track, in a flight whose people are unknown."""
     scans, _ = recording.cells(recording.track_offsets)
     for id_, number in recording.track_numbers.items() if not recording.labelled else ():
-        held = np.zeros(recording.scan_count, dtype=np.int64)
-        held[scans[recording.reported & (recording.track_ids == id_)]] = 1
-        for first, last, value in find_episodes(held):
-            if value:
-                text = f"track {number} held"
-                yield make_lasting_event(recording.times, (first, last), "track held", text, track=number)
+        held = np.zeros(recording.scan_count, dtype=np.bool_)
+        held[scans[recording.reported & (recording.track_ids == id_)]] = True
+        for span in _find_spans(held):
+            yield make_lasting_event(recording.times, span, "track held", f"track {number} held", track=number)
 
 
 def _group_by_track(sets: Iterable[set[int]], recording: Recording) -> list[tuple[int, int, tuple[int, ...]]]:
@@ -196,68 +206,67 @@ _MOST_CAUSES = 3
 
 
 def _tell_unheld(facts: PeopleFacts) -> Iterator[Event]:
-    """People whom no UAV holds, with their states in the cameras meanwhile, and people found."""
-    recording = facts.recording
-    times = facts.recording.times
+    """Losses, with the states of their people in the cameras meanwhile, and people found."""
+    recording, times = facts.recording, facts.recording.times
     for span in facts.unheld:
         end = span.last + 1
         person = span.person
         why = _describe_causes(facts, span) + (_describe_track(facts, span) if span.found else "")
-        text = f"{span.kind.replace('person', f'person {person}')}{_describe_gap(facts, span)}"
+        text = f"person {person} {span.grade}{_describe_gap(facts, span)}"
         concerned = {"why": why, "person": person, "uavs": (_choose_nearest(facts, span),), "scans": span.scans}
-        yield make_lasting_event(times, (span.first, span.last), span.kind, text, **concerned)
+        yield make_lasting_event(times, (span.first, span.last), f"person {span.grade}", text, **concerned)
         if end < recording.scan_count and facts.held[end, person]:
             uavs = tuple(np.flatnonzero(facts.tracks[end, :, person] >= 0).tolist())
-            after = times[end] - times[span.first]
+            after = times[end] - times[span.since]
             text = f"person {person} found{' again' * span.found} by {name_fleet(uavs)} after {after:.1f} s"
             yield _note_at(recording, end, "person found", text, person=person, uavs=uavs)
 
 
-def _compute_scan_time(times: Array) -> float:
-    """Time [s] that one scan stands for."""
-    begin, end = find_ends(times, 0, 0)
-    return end - begin
+def _list_seconds(recording: Recording, span: Unheld) -> Array:
+    """Time [s] that each scan of a span represents."""
+    return np.diff([find_ends(recording.times, k, k) for k in range(span.first, span.last + 1)])[:, 0]
 
 
 def _describe_gap(facts: PeopleFacts, span: Unheld) -> str:
-    """How far a person was from the tracks that held nobody, at worst, and for how long."""
-    scan = _compute_scan_time(facts.recording.times)
-    for scans, words in zip(span.scans, (", without a track", ", outside the ellipse of the track"), strict=False):
-        if scans and span.found:
-            return words + (f" for {scans * scan:.1f} s" if scans < sum(span.scans) else "")
-    return " the track" if span.found else ""
+    """How far a lost person was from the tracks that held nobody, at worst, and for how long."""
+    if span.grade != "lost":
+        return ""
+    worst = NO_TRACK if span.scans[0] else OUTSIDE
+    for_as_long = facts.holding.gaps[span.first : span.last + 1, span.person] == worst
+    words = ", without a track" if span.scans[0] else ", outside the ellipse of the track"
+    seconds = _list_seconds(facts.recording, span)[for_as_long].sum()
+    return words + ("" if for_as_long.all() else f" for {seconds:.1f} s")
 
 
 def _describe_causes(facts: PeopleFacts, span: Unheld) -> str:
     """Why no camera helped: the best view of the person in any camera, in order of time, with durations.
 
-    A reason why people are lost has its state in `people.STATES` and its words in `people.describe_view`.
+    A reason why people are lost has its state in `sightings.STATES` and its words in `people.describe_view`.
     """
-    scans: Counter[tuple[str, tuple[int, ...]]] = Counter()
+    shares: defaultdict[tuple[str, tuple[int, ...]], float] = defaultdict(float)  # s
     uavs: defaultdict[tuple[tuple[str, tuple[int, ...]], int], set[int]] = defaultdict(set)  # by key and tree
-    for k in range(span.first, span.last + 1):
+    for k, seconds in enumerate(_list_seconds(facts.recording, span).tolist(), span.first):
         states, trees = (table[k, :, span.person] for table in (facts.camera_states, facts.hiding_trees))
         state, having = group_views(states, trees)[0]
         key = (state, tuple(sorted(having)))
-        scans[key] += 1
+        shares[key] += seconds
         for tree, fleet in having.items():
             uavs[key, tree].update(fleet)
-    scan = _compute_scan_time(facts.recording.times)
-    most = [key for key, _ in scans.most_common(_MOST_CAUSES)]
+    most = sorted(shares, key=lambda key: -shares[key])[:_MOST_CAUSES]
     parts = []
-    for key in (key for key in scans if key in most):
+    for key in (key for key in shares if key in most and (shares[key] or len(shares) == 1)):
         state, between = key
         text = describe_view(state, {tree: sorted(uavs[key, tree]) for tree in between})
         near = f"within {facts.recording.setting.loss_distance:g} m"
         text += f", but no reported track {near}" if state == "seen" else ""
-        parts.append(text + (f" ({scans[key] * scan:.1f} s)" if len(scans) > 1 else ""))
+        parts.append(text + (f" ({shares[key]:.1f} s)" if len(shares) > 1 else ""))
     return "; ".join(parts)
 
 
 def _describe_track(facts: PeopleFacts, span: Unheld) -> str:
     recording = facts.recording
     k = span.first
-    column = facts.tracks[k - 1, :, span.person]
+    column = facts.tracks[span.since - 1, :, span.person]
     uavs = np.argsort(column < 0, kind="stable").tolist()  # those that held the person before come first
     id_ = int(column[uavs[0]])
     number = recording.track_numbers.get(id_)

@@ -2,41 +2,21 @@
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from sim.facts.metrics.holding import Held, find_episodes, find_holding
-from sim.facts.sightings import NO_TREE, find_inside_and_hiding
+from sim.facts.event import find_ends
+from sim.facts.metrics.holding import Held, Unheld, find_holding, find_unheld
+from sim.facts.sightings import NO_TREE, STATES, find_inside_and_hiding, find_states
 from sim.facts.words import name_fleet
 from sim.mission.recording import Recording, find_last_frames
 from sim.sensing.cameras import true_view_of
 from tracking.numerics.arrays import Flags, Indices
 
-STATES = ("absent", "out of view", "hidden", "missed", "seen")
 BROKEN = -1  # in place of a state for a UAV that has broken down
 _View = tuple[str, dict[int, list[int]]]  # a state, and its UAVs by the hiding tree, -1 for none
-
-
-@dataclass(frozen=True)
-class Unheld:
-    """A span in which no UAV held a person who was there, from a first to a last scan, both included."""
-
-    person: int
-    first: int
-    last: int
-    found: bool  # True if the person was held before; otherwise no UAV has found them yet
-    # scans without a track that holds nobody within `FAR` m, outside the 95 % ellipse of each such track, and inside
-    scans: tuple[int, int, int]
-
-    @property
-    def kind(self) -> str:
-        """Kind of the event: the worst of the states of `HOLDS` in the span."""
-        if not self.found:
-            return "person not found yet"
-        return "person lost" if any(self.scans[:2]) else "person off"
 
 
 class Views(NamedTuple):
@@ -100,21 +80,14 @@ class PeopleFacts:
 
     @cached_property
     def states(self) -> Indices:
-        """State (K, M) of each person in the cameras of a scan, as an index into `STATES`.
-
-        The best state in any camera counts: seen if the person was detected, missed if a frame showed them without a
-        detection, and hidden if they were inside a frame that did not show them.
-        """
+        """State (K, M) of each person in the cameras of a scan, as an index into `STATES`: the best in any camera."""
         best = self._frame_states.max(axis=1, initial=STATES.index("out of view"))
         return np.where(self.recording.present, best, STATES.index("absent"))
 
     @cached_property
     def _frame_states(self) -> Indices:
         """State (K, n, M) of each person in each camera's frame at each scan; out of view if none was taken."""
-        found = np.full(self.views.inside.shape, STATES.index("out of view"))
-        for name, having in (("hidden", self.views.inside), ("missed", self.shown), ("seen", self.detected)):
-            found[having] = STATES.index(name)
-        return found
+        return find_states(self.views.inside, self.shown, self.detected)
 
     @cached_property
     def last_frames(self) -> Indices:
@@ -137,17 +110,8 @@ class PeopleFacts:
 
     @cached_property
     def unheld(self) -> tuple[Unheld, ...]:
-        """Spans in which no UAV held a person who was there, sorted by scan, then person."""
-        found = []
-        for m in range(self.recording.person_count):
-            alone = self.recording.present[:, m] & (self.held[:, m] == 0)
-            for first, last, value in find_episodes(alone.astype(np.int64)):
-                if value:
-                    gaps = self.holding.gaps[first : last + 1, m]
-                    inside, outside, without = np.bincount(gaps, minlength=3).tolist()
-                    before = bool(np.any(self.held[:first, m]))
-                    found.append(Unheld(m, first, last, before, (without, outside, inside)))
-        return tuple(sorted(found, key=lambda span: (span.first, span.person)))
+        """The losses, sorted by scan, then person."""
+        return find_unheld(self.holding)
 
     def view_texts(self, person: int) -> list[str]:
         """The states of one person in the cameras in words, scan by scan; empty while the person is absent."""
@@ -177,11 +141,22 @@ def describe_view(state: str, uavs: Mapping[int, Sequence[int]]) -> str:
     if state == "seen":
         return f"seen by {name_fleet(uavs[-1])}"
     if state == "missed":
-        return f"shown to {name_fleet(uavs[-1])}, not detected"
+        return f"missed by {name_fleet(uavs[-1])}"
     if state == "hidden":
         hiding = [f"by tree {tree} from {name_fleet(uavs[tree])}" for tree in sorted(uavs) if tree >= 0]
         parts = ["hidden " + ", ".join(hiding)] if hiding else []
         if -1 in uavs:
-            parts.append(f"not shown to {name_fleet(uavs[-1])}, {NO_TREE}")
+            parts.append(f"hidden from {name_fleet(uavs[-1])}, {NO_TREE}")
         return "; ".join(parts)
-    return "no UAV works" if state == "broken" else "outside every view"
+    return "no UAV works" if state == "broken" else state
+
+
+def tell_losses(facts: PeopleFacts, grade: str = "lost") -> str:
+    """How often people had a grade of loss, and the worst time, in words; empty for never, but for the grade "lost"."""
+    losses = [loss for loss in facts.unheld if loss.grade == grade]
+    if not losses:
+        return "never lost" if grade == "lost" else ""
+    worst = max(losses, key=lambda loss: loss.scans)
+    begin, end = find_ends(facts.recording.times, worst.first, worst.last)
+    often = {1: "once", 2: "twice"}.get(len(losses), f"{len(losses)} times")
+    return f"{grade} {often}, at worst person {worst.person} for {end - begin:.1f} s from {begin:.1f} s"

@@ -1,28 +1,34 @@
-"""The view of one camera at one scan: people shown, trees that hide people, and outlines of hidden ground."""
+"""People in one camera at one scan: their states there, and the trees that hide them."""
 
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sim.facts.words import number_snapshot
 from sim.mission.recording import Recording
-from sim.mission.snapshot import Snapshot
 from sim.sensing.cameras import view_of
-from sim.sensing.culling import NEAR_PLANE
 from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
-from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.arrays import Array, Flags, Indices
 
 NO_TREE = "though no tree is in the way"  # the person is too small, or another person or a UAV covers them
-_OUT = "out of view"  # the place of a track in a frame
-_IN_VIEW = "in view but not detected"
-_TURN = np.linspace(0.0, 2 * math.pi, 128, endpoint=False)
+# The states of a person in a camera's frame, from the worst to the best. Everything that tells them in words takes them
+# from here. Without a frame, "in view" stands for the last two.
+STATES = (
+    "absent",
+    "out of view",
+    "hidden",  # the frame contains their mid-height, but shows nothing of them
+    "missed",  # the frame shows a part of them, but they were not detected
+    "seen",  # they were detected
+)
+
+
+def find_states(inside: Flags | bool, shown: Flags | bool, detected: Flags | bool) -> Indices:
+    """States of people who are present in frames, as indices into `STATES`, from three masks of one shape."""
+    return np.where(detected, 4, np.where(shown, 3, np.where(inside, 2, 1)))
 
 
 @dataclass(frozen=True)
@@ -44,39 +50,28 @@ class Sighting:
         return self.inside or self.pixels > 0
 
     @property
-    def status(self) -> str:
-        """The person's state in the camera, in words."""
+    def state(self) -> str:
+        """One of `STATES`; without a frame, "in view" if one would have shown the person."""
         if math.isnan(self.place[0]):
             return "absent"
+        state = STATES[find_states(self.inside, self.pixels > 0, self.detected)]
+        return state if self.looked or state != "missed" else "in view"
+
+    @property
+    def status(self) -> str:
+        """The state in words, with the trees or the edge that hide a part of the person."""
+        state, trees = self.state, list_numbers("tree", list(self.hidden_by)) if self.hidden_by else ""
+        free = math.prod(1.0 - share for share in self.hidden_by.values())
+        part = f"{100 * (1.0 - free):.0f} %" if free > 0.0 else "partly"
+        if state == "hidden":
+            if not trees:
+                return f"hidden, {NO_TREE}"
+            return f"hidden, {part} by {trees}" if free > 0.0 else f"hidden by {trees}"
+        if not self.in_image:
+            return state
         if not self.inside:
-            return "cut by the edge" if self.pixels else "outside the view"
-        if self.hidden_by:
-            free = math.prod(1.0 - share for share in self.hidden_by.values())
-            part = f"{100 * (1.0 - free):.0f} % " if free > 0.0 else "partly " * bool(self.pixels)
-            return f"{part}hidden by {list_numbers('tree', list(self.hidden_by))}"
-        return "in view" if self.pixels else f"not shown, {NO_TREE}"
-
-
-@dataclass(frozen=True, eq=False)
-class FrameFacts:
-    """Facts about one camera's view with ground truth; tracks are numbered as in the film."""
-
-    camera: Camera
-    believed_camera: Camera  # as the UAV takes it to be, through which it sees measurements and tracks
-    forest: Forest
-    snapshot: Snapshot
-    uav: int
-    people: tuple[Sighting, ...]
-
-    @property
-    def pose(self) -> Pose:
-        """The camera's pose."""
-        return self.snapshot.cameras[self.uav]
-
-    @property
-    def believed(self) -> Pose:
-        """The camera's pose as the UAV believes it; pictures show measurements and tracks from there."""
-        return (self.snapshot.believed or self.snapshot.cameras)[self.uav]
+            return f"{state}, cut by the edge"
+        return f"{state}, {part} hidden by {trees}" if trees else state
 
 
 def find_sightings(recording: Recording, k: int, uav: int, camera: Camera) -> tuple[Sighting, ...]:
@@ -100,16 +95,6 @@ def find_sightings(recording: Recording, k: int, uav: int, camera: Camera) -> tu
         )
         for m in range(len(people))
     )
-
-
-def make_frame_facts(recording: Recording, k: int, uav: int) -> FrameFacts:
-    """The view of one UAV at scan k."""
-    camera = recording.setting.uavs[uav].true_camera
-    people = find_sightings(recording, k, uav, camera)
-    if recording.setting.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
-        people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-    believed = recording.setting.uavs[uav].believed_camera
-    return FrameFacts(camera, believed, recording.hiding_forest, number_snapshot(recording, k), uav, people)
 
 
 def tell_pose_error(recording: Recording, k: int, uav: int) -> list[str]:
@@ -142,7 +127,7 @@ def tell_fade(recording: Recording, id_: int, last: int) -> str:
         taken = np.flatnonzero(recording.frames_taken[: last + 1, i] & (recording.times[: last + 1] > since + 1e-9))
         states = Counter(_name_state(recording, k, i, held) for k in taken.tolist() if k in held)
         frames = sum(states.values())
-        if frames and states.pop(_OUT, 0) == frames:
+        if frames and states.pop("out of view", 0) == frames:
             away.append(i)
         for n, (state, count) in enumerate(states.most_common()):
             parts.append(f"{state} in {count}" if n else f"for UAV {i} {state} in {count} of {frames} frames")
@@ -160,9 +145,9 @@ def tell_sight(camera: Camera, pose: Pose, place: Array, forest: Forest) -> str:
     """How a person at a place (2,) m would show to a camera, in words: out of view, hidden or in view."""
     (inside,), hiding = find_inside_and_hiding(camera, pose, place[None], forest)
     if not inside:
-        return _OUT
+        return "out of view"
     (shown,) = detectable_shares(np.prod(1.0 - hiding, axis=1))
-    return f"hidden by tree {hiding[0].argmax()}" if shown < 0.5 else _IN_VIEW
+    return f"hidden by tree {hiding[0].argmax()}" if shown < 0.5 else "in view"
 
 
 def find_inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Array]:
@@ -172,42 +157,3 @@ def find_inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Fo
     hiding = np.zeros((len(points), len(forest.trees)))
     hiding[inside] = forest.shares_hidden(pose.position, points[inside])
     return inside, hiding
-
-
-def outline_hidden_ground(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:
-    """Outlines in the image, pixels (N, 2), of the area at `TARGET_HEIGHT` that the blockers of each tree hide.
-
-    A camera above does not see a point at this height if the part of a blocker above this height covers it.
-    """
-    found: list[list[Array]] = [[] for _ in forest.trees]
-    for tree, cylinder in zip(forest.tree_of_blockers.tolist(), forest.blockers, strict=True):
-        x, y, radius, bottom, top = cylinder[:5].tolist()
-        if top < TARGET_HEIGHT:
-            continue
-        outline = outline_cylinder(camera, pose, np.array([x, y, radius, max(bottom, TARGET_HEIGHT), top]))
-        if len(outline) and np.all(outline.max(axis=0) > 0) and np.all(outline.min(axis=0) < camera.size):
-            found[tree].append(outline)
-    return found
-
-
-def outline_cylinder(camera: Camera, pose: Pose, cylinder: Array) -> Array:
-    """Outline in the image, pixels (N, 2), of a vertical cylinder (5,): x, y, radius, bottom, top [m].
-
-    It is the convex hull of the two rims; parts nearer than `NEAR_PLANE` are cut off, so that it may be empty.
-    """
-    x, y, radius, bottom, top = cylinder.tolist()
-    rim = np.column_stack([x + radius * np.cos(_TURN), y + radius * np.sin(_TURN)])
-    points = np.vstack([np.column_stack([rim, np.full(len(rim), z)]) for z in (bottom, top)])
-    depth = camera.project(pose, points)[1]
-    front, behind = points[depth >= NEAR_PLANE], points[depth < NEAR_PLANE]
-    if len(front) == 0:
-        return np.zeros((0, 2))
-    if len(behind):
-        excess, lack = depth[depth >= NEAR_PLANE][:, None] - NEAR_PLANE, NEAR_PLANE - depth[depth < NEAR_PLANE]
-        share = (excess / (excess + lack))[..., None]
-        front = np.vstack([front, (front[:, None] + share * (behind - front[:, None])).reshape(-1, 3)])
-    pixels = camera.project(pose, front)[0]
-    pixels = pixels[np.isfinite(pixels[:, 0])]  # a lens shows nothing beyond its reach
-    if len(pixels) == 0:
-        return np.zeros((0, 2))
-    return np.asarray(cv2.convexHull(pixels.astype(np.float32))[:, 0], dtype=float)

@@ -1,11 +1,8 @@
 """Words about a mission, before anything draws or prints them: names of fleets, places, shares."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
-from sim.mission.recording import Recording
-from sim.mission.snapshot import Snapshot
 from tracking.errors import list_numbers
 from tracking.numerics.arrays import Array
 
@@ -15,14 +12,6 @@ class TextGroup(NamedTuple):
 
     heading: str
     sentences: list[str]
-
-
-def number_snapshot(recording: Recording, k: int) -> Snapshot:
-    """Scan k of a recording with readable numbers in place of the ids of tracks."""
-    snapshot = recording.snapshot(k)
-    numbers = recording.track_numbers
-    tracks = [tuple([track.renumber(numbers[track.id]) for track in held]) for held in snapshot.tracks]
-    return replace(snapshot, tracks=tracks)
 
 
 def name_fleet(uavs: Sequence[int]) -> str:

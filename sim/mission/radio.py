@@ -52,14 +52,19 @@ def draw_links(network: Network, time: float, positions: Array, rng: np.random.G
 
 def find_links(network: Network, time: float, positions: Array) -> Flags:
     """Adjacency (n, n) of UAVs at positions (n, 3) m: within range, with a link that exists and is not cut."""
+    broken = find_broken_links(network, time, positions)
+    return np.asarray(~np.any(list(broken.values()), axis=0) & ~np.eye(len(positions), dtype=np.bool_))
+
+
+def find_broken_links(network: Network, time: float, positions: Array) -> dict[str, Flags]:
+    """Masks (n, n) of the pairs of UAVs at positions (n, 3) m without a link, by reason."""
     gap = length(positions[:, None] - positions[None])
-    heard = np.asarray((gap <= network.range) & ~np.eye(len(gap), dtype=np.bool_))
-    if network.links:
-        heard &= _make_adjacency(network.links, len(gap))
-    for cut in network.cuts:
-        if cut.start <= time and (cut.end is None or time < cut.end):
-            heard &= ~_make_adjacency(cut.links, len(gap))
-    return heard
+    there = _make_adjacency(network.links, len(gap)) if network.links else np.ones_like(gap, dtype=np.bool_)
+    cut = np.zeros_like(there)
+    for each in network.cuts:
+        if each.start <= time and (each.end is None or time < each.end):
+            cut |= _make_adjacency(each.links, len(gap))
+    return {"not linked": ~there, "cut": cut, "out of range": gap > network.range}
 
 
 def draw_lost_messages(network: Network, uavs: int, rng: np.random.Generator) -> Flags | None:

@@ -40,47 +40,82 @@ class Recording:
     turn: scan k and UAV i have the rows `offsets[k n + i]` to `offsets[k n + i + 1]`. Poses are x, y, z [m] and
     quaternion xyzw. Absent people are NaN, and so is the OSPA of a UAV that has broken down. A flight from elsewhere
     whose people are unknown has none, and an OSPA of zero.
+
+    Attributes:
+        version: number of the format.
+        scenario: JSON, from `encode_scenario`.
+        planner: name of the planner, with its options.
+        seed: in the file as text, because a seed may have more than 64 bits.
+        interrupted: True if the mission was ended before its time.
+        times: times of the scans [s].
+        trees: the fields of each `Tree`; the seventh if any is porous.
+        people: positions [m].
+        headings: of people [rad], from east, anticlockwise.
+        poses: true poses of UAVs.
+        cameras: true poses of cameras.
+        commands: velocities in force [m/s], east and north.
+        measurement_offsets: rows of `measurements` by scan and UAV.
+        measurements: positions on the ground [m].
+        measurement_covariances: of the errors of `measurements` [m²].
+        pixels: places of the measurements in images; NaN in ideal sensing.
+        track_offsets: rows of the tables of tracks by scan and UAV.
+        track_ids: ids; pictures and tables show `track_numbers` in their place.
+        track_means: positions [m] and velocities [m/s].
+        track_covariances: m², m²/s, m²/s².
+        plan_times: times of the decisions [s].
+        plans: velocities [m/s], NaN after the end of a shorter plan.
+        ospa: distance, localisation and cardinality [m].
+        visible: number of pixels that show each person.
+        matched: True if the person was detected.
+        contacts: scan, UAV, kind (in `KINDS`) and index of a body that it has touched since the previous scan; sorted
+            by scan.
+        bytes_sent: bytes to neighbours in all rounds of consensus of a scan.
+        plan_bytes: bytes of plans, to neighbours in all rounds of a decision.
+        plan_rounds: number of these rounds.
+        sees_truth: True if the planner knows the truth.
+        track_existence: probability; NaN if the tracker has none, as with m of n scans.
+        track_sightings: position [m] and time [s] of the fleet's last sure detection; NaN if the tracker has none.
+        faults: JSON, see `encode_faults`.
+        repeat: decides, with the seed, the mission's noise.
+        frames: True where a camera took a frame in a flight from elsewhere; None for a mission, whose scenario says it.
+        believed: as `cameras`, poses that UAVs believe their cameras to have; None if they are the true ones.
     """
 
     version: Annotated[int, "<i8", ""]
-    scenario: Annotated[str, "<U", ""]  # JSON, from `encode_scenario`
+    scenario: Annotated[str, "<U", ""]
     planner: Annotated[str, "<U", ""]
-    seed: Annotated[int, "<U", ""]  # text, as a seed may have more than 64 bits
+    seed: Annotated[int, "<U", ""]
     interrupted: Annotated[bool, "|b1", ""]
-    times: Annotated[Array, "<f8", "K"]  # s
-    trees: Annotated[Array, "<f8", "T 6|7"]  # the fields of each `Tree`; the seventh if any is porous
-    people: Annotated[Array, "<f8", "K M 2"]  # m
-    headings: Annotated[Array, "<f8", "K M"]  # rad
+    times: Annotated[Array, "<f8", "K"]
+    trees: Annotated[Array, "<f8", "T 6|7"]
+    people: Annotated[Array, "<f8", "K M 2"]
+    headings: Annotated[Array, "<f8", "K M"]
     poses: Annotated[Array, "<f8", "K n 7"]
     cameras: Annotated[Array, "<f8", "K n 7"]
-    commands: Annotated[Array, "<f8", "K n 2"]  # in force, m/s
+    commands: Annotated[Array, "<f8", "K n 2"]
     measurement_offsets: Annotated[Indices, "<i8", "K*n+1"]
-    measurements: Annotated[Array, "<f8", "D 2"]  # m
-    measurement_covariances: Annotated[Array, "<f8", "D 2 2"]  # m²
-    pixels: Annotated[Array, "<f8", "D 2"]  # NaN in ideal sensing
+    measurements: Annotated[Array, "<f8", "D 2"]
+    measurement_covariances: Annotated[Array, "<f8", "D 2 2"]
+    pixels: Annotated[Array, "<f8", "D 2"]
     track_offsets: Annotated[Indices, "<i8", "K*n+1"]
-    track_ids: Annotated[Indices, "<i8", "S"]  # pictures and tables show `track_numbers` in their place
-    track_means: Annotated[Array, "<f8", "S 4"]  # m, m/s
-    track_covariances: Annotated[Array, "<f8", "S 4 4"]  # m², m²/s, m²/s²
-    plan_times: Annotated[Array, "<f8", "E"]  # s
-    plans: Annotated[Array, "<f8", "E n H 2"]  # m/s, NaN after the end of a shorter plan
-    ospa: Annotated[Array, "<f8", "K n 3"]  # m: distance, localisation, cardinality
-    visible: Annotated[Indices, "<i8", "K n M"]  # number of pixels that show each person
-    matched: Annotated[Flags, "|b1", "K n M"]  # True if the person was detected
-    # Scan, UAV, kind (in `KINDS`) and index of a body that it has touched since the previous scan; sorted by scan.
+    track_ids: Annotated[Indices, "<i8", "S"]
+    track_means: Annotated[Array, "<f8", "S 4"]
+    track_covariances: Annotated[Array, "<f8", "S 4 4"]
+    plan_times: Annotated[Array, "<f8", "E"]
+    plans: Annotated[Array, "<f8", "E n H 2"]
+    ospa: Annotated[Array, "<f8", "K n 3"]
+    visible: Annotated[Indices, "<i8", "K n M"]
+    matched: Annotated[Flags, "|b1", "K n M"]
     contacts: Annotated[Indices, "<i8", "C 4"]
-    bytes_sent: Annotated[Indices, "<i8", "K n"]  # to neighbours in all rounds of consensus of a scan
-    plan_bytes: Annotated[Indices, "<i8", "K n"]  # of plans, to neighbours in all rounds of a decision
-    plan_rounds: Annotated[Indices, "<i8", "K"]  # number of these rounds
-    sees_truth: Annotated[bool, "|b1", ""]  # True if the planner does
-    track_existence: Annotated[Array, "<f8", "S"]  # probability; NaN if the tracker has none, as with m of n scans
-    # Position [m] and time [s] of the fleet's last sure detection; NaN if the tracker has none.
+    bytes_sent: Annotated[Indices, "<i8", "K n"]
+    plan_bytes: Annotated[Indices, "<i8", "K n"]
+    plan_rounds: Annotated[Indices, "<i8", "K"]
+    sees_truth: Annotated[bool, "|b1", ""]
+    track_existence: Annotated[Array, "<f8", "S"]
     track_sightings: Annotated[Array, "<f8", "S 3"]
-    faults: Annotated[str, "<U", ""]  # JSON, see `encode_faults`
-    repeat: Annotated[int, "<i8", ""]  # decides, with the seed, the mission's noise
-    # True where a camera took a frame in a flight from elsewhere; None for a mission, whose scenario says it
+    faults: Annotated[str, "<U", ""]
+    repeat: Annotated[int, "<i8", ""]
     frames: Annotated[Flags | None, "|b1", "K n"] = None
-    # as `cameras`, poses that UAVs believe their cameras to have; None if they are the true ones
     believed: Annotated[Array | None, "<f8", "K n 7"] = None
 
     @property

@@ -12,7 +12,7 @@ from sim.scenario.remarks import find_remarks
 from sim.scenario.scenario import Scenario, is_clear
 from sim.world.forest import grow
 from sim.world.recorded_people import describe_trajectories, read_trajectories
-from sim.world.stem_map import find_unused_columns, plant
+from sim.world.stem_map import describe_stem_map, plant
 from sim.world.trajectories import Trajectories
 from sim.world.walkers import walk
 from tracking.errors import InputError
@@ -46,14 +46,15 @@ def make_forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Traje
 class Remarks(NamedTuple):
     """What users should know of a scenario that is allowed, one line each."""
 
-    people: str  # what the file of recorded people holds; empty without one
+    files: list[str]  # what the files of people and trees hold
     doubts: list[str]  # settings without the effect that one expects, and parts of files that are left out
 
 
 def find_scenario_remarks(scenario: Scenario) -> Remarks:
     """Remarks on a scenario and the files that it names; InputError if a file cannot be used."""
     people, left_out = describe_trajectories(scenario)
-    return Remarks(people, [*find_remarks(scenario), *find_unused_columns(scenario.trees), *left_out])
+    trees, odd = describe_stem_map(scenario.trees)
+    return Remarks([line for line in (people, trees) if line], [*find_remarks(scenario), *odd, *left_out])
 
 
 def draw_starts(scenario: Scenario, seed: int) -> Scenario:

@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +19,11 @@ _MOST_LINES = 2**23  # lines of a file, which take a few gigabytes during readin
 _MISSING = ("", "NA", "N/A", "NAN", "NULL", "-")  # what statistics programs and people write for a missing value
 _SHOWN = 3  # errors of a table that one message names
 _DIGITS = 18  # most digits of an integer, so that it fits into 64 bits
+_OTHER_FORMATS = {  # by the beginnings of their texts
+    r"\s*<": "XML or HTML",
+    r'(?s)\s*\{.{0,2000}"(Feature|FeatureCollection|GeometryCollection|Topology)"': "GeoJSON",
+    r"\s*(\{|\[\s*[\[{])": "JSON",
+}
 
 
 @dataclass(frozen=True)
@@ -99,65 +105,135 @@ def read_csv(
     *,
     nameless: bool = False,
     hints: Mapping[str, str] | None = None,
+    spares: Mapping[str, str] | None = None,
 ) -> Iterator[TableRow]:
     """Rows of a table that has these columns once each, and maybe others; empty lines are skipped.
 
     Entries are separated by commas, semicolons, tabs or spaces, as the first line shows. Unless they are separated by
-    commas, numbers may have a decimal comma. InputError begins with `field` and names file, line and column.
+    commas, numbers may have a decimal comma. Lines that begin with # are comments, the last of which may name the
+    columns. Rows may have names ahead of the first column, as R writes them. InputError begins with `field` and names
+    file, line and column.
 
     Args:
         path: The file.
         field: What errors begin with, such as the key of a scenario that names the file.
         columns: Names of the columns that the table must have.
         aliases: Other names of columns.
+        spares: Names that stand for a column if no other one does.
         nameless: True if a first line of numbers, as many as there are `columns`, is a row.
         hints: What to do if a column is missing, by column.
     """
     name = f"{field}: {path}"
     found = read_text(path, field, MOST_BYTES)
-    if not found.strip():
-        raise InputError(f"{name}: is empty; its first line must name the columns {','.join(columns)}")
-    delimiter = _find_delimiter(found)
-    lines = io.StringIO(found, newline="")
-    # A space at the end of a line separates nothing.
-    table = csv.reader(map(str.strip, lines) if delimiter == " " else lines, delimiter=delimiter, skipinitialspace=True)
+    _check_format(found, name, columns)
+    head, first = _split_head(found)
+    delimiter = _find_delimiter(first)
+    table = csv.reader(
+        _leave_out_comments(found, len(head), first, delimiter), delimiter=delimiter, skipinitialspace=True
+    )
+
+    def translate(entries: list[str]) -> list[str]:
+        return _translate(entries, aliases or {}, spares or {})
+
     try:
-        given = [entry.strip() for entry in next(table)]
+        given = [entry.strip() for entry in next(filter(any, table), [])]
         rows: Iterable[list[str]] = table
-        if nameless and len(given) == len(columns) and _are_numbers(given):
+        commented = _split(next(filter(None, reversed(head)), "").lstrip("# "), delimiter)
+        known = {*columns, *(aliases or {}).values(), *(spares or {}).values()}
+        told = len(known & {*translate(commented)})
+        if len(commented) == len(given) and told > len(known & {*translate(given)}):
+            rows = chain([given], table)
+            given = commented
+        elif nameless and len(given) == len(columns) and _are_numbers(given):
             rows = chain([given], table)
             given = list(columns)
-        header = _read_header(given, name, columns, aliases or {}, hints or {})
+        header = translate(given)
+        _check_header(header, name, columns, aliases or {}, hints or {})
         names = {column: own for column, own in zip(header, given, strict=True) if column != own}
-        for entries in rows:
+        named = False
+        for n, entries in enumerate(filter(any, rows)):
             where = f"{name}, line {table.line_num}"
             if table.line_num > _MOST_LINES:
                 raise InputError(f"{where}: has more than the {_MOST_LINES} lines that are allowed")
-            if any(entries) and len(entries) != len(header):
+            named = len(entries) == len(header) + 1 and entries[-1] != "" if n == 0 else named
+            if named and _is_name(entries[0], n + 1, delimiter):
+                entries = entries[1:]
+            if len(entries) != len(header):
                 raise InputError(f"{where}: has {len(entries)} entries, not {len(header)} as line 1")
-            if any(entries):
-                values = dict(zip(header, map(str.strip, entries), strict=True))
-                yield TableRow(where, table.line_num, values, names, decimal_comma=delimiter != ",")
+            values = dict(zip(header, map(str.strip, entries), strict=True))
+            yield TableRow(where, table.line_num, values, names, decimal_comma=delimiter != ",")
     except csv.Error as error:  # an entry is longer than Python's reader allows
         raise InputError(f"{name}, line {table.line_num}: {error}") from error
 
 
-def _find_delimiter(text: str) -> str:
-    """The character that separates the names of columns in the first line."""
-    first = text.lstrip("\r\n").partition("\n")[0].strip(" \r")
+def _check_format(text: str, name: str, columns: Sequence[str]) -> None:
+    """InputError for a text that is empty, or of another format."""
+    if not text.strip():
+        raise InputError(f"{name}: is empty; its first line must name the columns {','.join(columns)}")
+    for beginning, other in _OTHER_FORMATS.items():
+        if re.match(beginning, text):
+            wanted = f" with the columns {','.join(columns)}" if columns else ""
+            raise InputError(f"{name}: is {other}; expected a table as CSV{wanted}")
+
+
+def _split_head(text: str) -> tuple[list[str], str]:
+    """The lines before a table, which are comments or empty, and its first line; of nothing else, the last one."""
+    head: list[str] = []
+    for line in map(str.strip, io.StringIO(text)):
+        if line and not line.startswith("#"):
+            return head, line
+        head.append(line)
+    return head[:-1], head[-1]
+
+
+def _find_delimiter(first: str) -> str:
+    """The character that separates the entries of a table's first line."""
     found = max(",;\t", key=first.count)
     return found if found in first or " " not in first else " "
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    entries = next(csv.reader([line.strip()], delimiter=delimiter, skipinitialspace=True), [])
+    return [entry.strip() for entry in entries]
+
+
+def _leave_out_comments(text: str, before: int, first: str, delimiter: str) -> Iterator[str]:
+    """The lines of a table, of which those `before` its first one and comments are empty.
+
+    A line that begins with # is no comment if this begins a name, such as #12, in a row of as many entries as `first`.
+    """
+    width = len(_split(first, delimiter))
+    for n, line in enumerate(io.StringIO(text, newline="")):
+        comment = line.startswith("#") and (not re.match(r"#\w", line) or len(_split(line, delimiter)) != width)
+        if n < before or comment:
+            yield ""
+        else:
+            yield line.strip() if delimiter == " " else line  # a space at the end of a line separates nothing
+
+
+def _is_name(entry: str, number: int, delimiter: str) -> bool:
+    """True if the first entry of a row may be its name or number, and no part of one with a decimal comma."""
+    return delimiter != "," or entry == str(number) or not math.isfinite(parse_number(entry))
 
 
 def _are_numbers(entries: Sequence[str]) -> bool:
     return all(math.isfinite(parse_number(entry.replace(",", "."))) for entry in entries)
 
 
-def _read_header(
-    entries: list[str], name: str, columns: Sequence[str], aliases: Mapping[str, str], hints: Mapping[str, str]
-) -> list[str]:
-    """Names of a table's columns; InputError unless each of `columns` is there once, and none of the aliases twice."""
+def _translate(entries: Sequence[str], aliases: Mapping[str, str], spares: Mapping[str, str]) -> list[str]:
+    """Names of columns as the reader knows them."""
     header = [aliases.get(entry, entry) for entry in entries]
+    for n, entry in enumerate(header):
+        column = spares.get(re.sub(r"[\W_]+", "_", entry.lower()).strip("_"), entry)
+        if column not in header:
+            header[n] = column
+    return header
+
+
+def _check_header(
+    header: Sequence[str], name: str, columns: Sequence[str], aliases: Mapping[str, str], hints: Mapping[str, str]
+) -> None:
+    """InputError unless each of `columns` is there once, and none of the aliases twice."""
     if header and _are_numbers(header):
         raise InputError(f"{name}, line 1: names no columns, but has numbers; columns are {','.join(columns)}")
     for column in dict.fromkeys([*columns, *aliases.values()]):
@@ -166,4 +242,3 @@ def _read_header(
         if column in columns and column not in header:
             there = f"columns are {','.join(header) or 'none'}{hints.get(column, '')}"
             raise InputError(f"{name}, line 1: column {column} is missing; {there}")
-    return header

@@ -58,6 +58,9 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     file: str = ""
     # m, easting and northing of the area's centre, if the stem map has projected coordinates
     origin: tuple[Projected, Projected] = (0.0, 0.0)
+    # `"refuse"` stems of the stem map within 1 cm of each other, or `"merge"`: they are one tree, with the sum of the
+    # areas of their trunks and the largest of their crowns
+    same_place: Literal["refuse", "merge"] = "refuse"
 
     @property
     def tallest(self) -> float:

@@ -10,11 +10,12 @@ from sim.scenario.camera_settings import read_camera
 from sim.scenario.environment import APPEARANCES
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import parse_toml
-from sim.scenario.uavs import UavSettings
+from sim.scenario.uavs import DEFAULT_FLEET, UavSettings
 from tracking.errors import InputError
 from tracking.navigation import NAVIGATION
 from tracking.settings import read_settings
 
+_ALL = "uavs.*."  # beginning of a key of all UAVs
 _VIEW = ("footprint", "fov_deg", "altitude")  # keys of a UAV, two of which determine the third
 
 
@@ -27,10 +28,21 @@ def split_override(override: str) -> tuple[str, str]:
 
 
 def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> None:
-    """Apply overrides `key=value` to plain data, in place."""
-    keys = [split_override(override)[0] for override in overrides]
-    for i, override in enumerate(overrides):
-        _apply_override(data, override, keys[:i])
+    """Apply overrides `key=value` to plain data, in place; `uavs.*.key` is a key of all UAVs."""
+    keys: list[str] = []
+    for override in overrides:
+        for single in _spread(data, override):
+            _apply_override(data, single, keys)
+            keys.append(split_override(single)[0])
+
+
+def _spread(data: dict[str, Any], override: str) -> list[str]:
+    """An override for each UAV, if it is one for all of them."""
+    key, text = split_override(override)
+    fleet = data.get("uavs", DEFAULT_FLEET)
+    if not key.startswith(_ALL) or not isinstance(fleet, list | tuple) or not fleet:
+        return [override]
+    return [f"uavs.{i}.{key.removeprefix(_ALL)}={text}" for i in range(len(fleet))]
 
 
 def _apply_override(data: dict[str, Any], override: str, earlier: Sequence[str]) -> None:
@@ -99,7 +111,8 @@ def _find_entry(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  
     if isinstance(node, dict):
         return text
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= len(node):
-        allowed = f"allowed are 0 to {len(node) - 1}" if node else "the list is empty, so give all of it"
+        every = ", or * for all" if key.startswith("uavs.") else ""
+        allowed = f"allowed are 0 to {len(node) - 1}{every}" if node else "the list is empty, so give all of it"
         raise InputError(f"{key}: {text!r} is not an index; {allowed}")
     return int(text)
 

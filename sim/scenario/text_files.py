@@ -17,6 +17,12 @@ else:
 
 MOST_BYTES = 2**26  # largest size of a file
 _UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_FORMATS = {  # by their first bytes
+    b"PK\x03\x04": "a workbook of Excel, or another ZIP archive",
+    b"\xd0\xcf\x11\xe0": "a workbook of Excel",
+    b"\x1f\x8b": "a gzip archive",
+    b"SQLite format": "a database, such as a GeoPackage",
+}
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")  # characters that no text has
 _BLOCK = 2**20  # bytes read at once
 _MOST_TOML = 2**22  # bytes, which are parsed at about a megabyte per second
@@ -51,8 +57,10 @@ def read_text(path: Path, where: str, most: int = MOST_BYTES) -> str:
         except UnicodeDecodeError:
             continue
         if not _CONTROL.search(text):
-            return text
-    raise InputError(f"{where}: {path} cannot be read: is no text in UTF-8, UTF-16 with a mark, or Windows-1252")
+            return text.lstrip("\ufeff")  # some programs write a second mark
+    other = next((f", but {name}" for first, name in _FORMATS.items() if read.startswith(first)), "")
+    no_text = "is no text in UTF-8, UTF-16 with a mark, or Windows-1252"
+    raise InputError(f"{where}: {path} cannot be read: {no_text}{other}")
 
 
 def find_toml_file(name: str, packaged: Mapping[str, Path], where: str) -> Path:

@@ -23,16 +23,27 @@ Noise = Literal["added", "none"]
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One shot of a UAV's camera. True pose, motion and people are ground truth, and show in the detections only."""
+    """One shot of a UAV's camera. True pose, motion and people are ground truth, and show in the detections only.
+
+    Attributes:
+        uav: number of the UAV.
+        k: number of the scan.
+        time: time [s] since the start.
+        true: pose of the camera.
+        people: (M, 2) m in the world, NaN if absent.
+        believed: the pose that the UAV believes its camera to have; None if that is the true one.
+        sweep: motion while the image is read out; None if its rows are exposed at once.
+        believed_sweep: the same as the UAV believes, without people.
+    """
 
     uav: int
-    k: int  # number of the scan
-    time: float  # s
-    true: Pose  # of the camera
-    people: Array  # (M, 2) m in the world, NaN if absent
-    believed: Pose | None = None  # the pose that the UAV believes its camera to have; None if that is the true one
-    sweep: Sweep | None = None  # motion while the image is read out; None if its rows are exposed at once
-    believed_sweep: Sweep | None = None  # the same as the UAV believes, without people
+    k: int
+    time: float
+    true: Pose
+    people: Array
+    believed: Pose | None = None
+    sweep: Sweep | None = None
+    believed_sweep: Sweep | None = None
 
     @property
     def pose(self) -> Pose:
@@ -46,29 +57,48 @@ class Shot:
 
 @dataclass(frozen=True, eq=False)
 class SensorSetup:
-    """The mission in which a mode senses."""
+    """The mission in which a mode senses.
+
+    Attributes:
+        scenario: settings of the mission.
+        world: the engine's bodies.
+        forest: trees and their model of occlusion.
+        cameras: one per UAV, as the fleet believes them to be.
+        clock: counts the time of stages.
+        rng: source of what the mode draws at random.
+    """
 
     scenario: Scenario
     world: World
     forest: Forest
-    cameras: list[Camera]  # one per UAV, as the fleet believes them to be
+    cameras: list[Camera]
     clock: Stopwatch
-    rng: np.random.Generator  # of what the mode draws at random
+    rng: np.random.Generator
 
 
 @dataclass(frozen=True, eq=False)
 class SensorOutput:
-    """Detections of one shot, and ground truth about them for recordings and metrics only."""
+    """Detections of one shot, and ground truth about them for recordings and metrics only.
 
-    ground: Array  # (N, 2) m, as the UAV locates them: `Shot.locate` moves true positions there
-    owners: Indices  # (N,) index of the person whom each detection shows, -1 for none
-    visible: Indices  # (M,) number of pixels that show each person; without images, 1 for each person seen
-    covariances: Array | None = None  # (N, 2, 2) m², of the errors of `ground`; None if it has none
-    # `"added"`: a sample of the UAV's noise model is added to `ground`, and its covariance to `covariances`; `"none"`:
-    # both are used as they are
+    Attributes:
+        ground: (N, 2) m, as the UAV locates them: `Shot.locate` moves true positions there.
+        owners: (N,) index of the person whom each detection shows, -1 for none.
+        visible: (M,) number of pixels that show each person; without images, 1 for each person seen.
+        covariances: (N, 2, 2) m², of the errors of `ground`; None if it has none.
+        noise: `"added"`: a sample of the UAV's noise model is added to `ground`, and its covariance to `covariances`;
+            `"none"`: both are used as they are.
+        frame: the image, if the mode has one.
+        pixels: (N, 2), positions of the detections in the frame, if there is one.
+        faults: what went wrong, for the summary.
+    """
+
+    ground: Array
+    owners: Indices
+    visible: Indices
+    covariances: Array | None = None
     noise: Noise = "added"
     frame: Frame | None = None
-    pixels: Array | None = None  # (N, 2), positions of the detections in the frame, if there is one
+    pixels: Array | None = None
     faults: tuple[Fault, ...] = ()
 
 

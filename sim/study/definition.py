@@ -142,8 +142,7 @@ def adapt_study(
     for override in overrides:
         key, value = split_override(override)
         for factor, levels in study.factors.items():
-            varied = [f"{other}." for level in levels.values() for other in flatten(level)]
-            if any(other.startswith(f"{key}.") or f"{key}.".startswith(other) for other in varied):
+            if any(_overlap(key, other) for level in levels.values() for other in flatten(level)):
                 raise InputError(f"--set: {key} is what factor {factor!r} of study {study.name} varies")
         added[key] = value
     return msgspec.structs.replace(
@@ -154,6 +153,11 @@ def adapt_study(
         repeats=study.repeats if repeats is None else repeats,
         given={**study.given, **added},
     )
+
+
+def _overlap(one: str, other: str) -> bool:
+    """True if one of two keys is the other, or a table that has it; a star is any part."""
+    return all(a == b or "*" in (a, b) for a, b in zip(one.split("."), other.split("."), strict=False))
 
 
 def make_study(

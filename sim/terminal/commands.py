@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from importlib import import_module
+from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -156,6 +157,7 @@ def run_command_line(app: Callable[..., Any], executor: Executor | None = None) 
     executor: flies the trials of `compare`, in place of processes of this machine.
     """
     sys.path.append(os.getcwd())  # finds plug-ins in the current folder; last, so that they hide no package
+    _replace_unknown_characters()
     _take_signals()
     if not faulthandler.is_enabled():
         faulthandler.enable(all_threads=False)  # says in which line a plug-in crashes the process
@@ -179,6 +181,13 @@ def run_command_line(app: Callable[..., Any], executor: Executor | None = None) 
         if not hasattr(error, "format_message"):
             raise
         fail(error.format_message(), code=2)
+
+
+def _replace_unknown_characters() -> None:
+    """Print ? for a character that the encoding of the terminal does not have, as in ASCII or an old code page."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _check_temporary_folder() -> None:

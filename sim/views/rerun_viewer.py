@@ -16,8 +16,8 @@ from sim.facts.metrics.summary import format_recording_title
 from sim.facts.rerender import Rerenderer
 from sim.mission.atomic_files import write_whole
 from sim.mission.recording import Recording
-from sim.views.drawing.palette import CANOPY, DETECTION, FAINT, PANEL, TRUNK, Colour, lighten, uav_colour
-from sim.views.scene import Scene, UavMark, make_scenes, outline_ellipse
+from sim.views.palette import DETECTION, FAINT, PANEL, Colour, lighten, uav_colour
+from sim.views.scene import Scene, UavMark, make_scenes, mark_trees, outline_ellipse
 from tracking.errors import InputError, one_line
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Image
@@ -88,10 +88,10 @@ def _log_ground(stream: rr.RecordingStream, recording: Recording) -> None:
     half = np.array([recording.setting.area.width, recording.setting.area.height]) / 2
     corners = _lift(half * [(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)], 0.0)
     stream.log("world/area", rr.LineStrips3D([corners], colors=[FAINT], radii=0.1), static=True)
-    solids = recording.forest.solids
-    x, y, radius, low, high, _ = recording.forest.cylinders.T
+    trees = mark_trees(recording.forest)
+    x, y, radius, low, high = np.array([tree.solid[1:6] for tree in trees]).reshape(-1, 5).T
     middles = np.column_stack([x, y, (low + high) / 2])
-    colours = [TRUNK if s.part == "trunk" else (*CANOPY, round(_SEE_THROUGH * s.cover)) for s in solids]
+    colours = [(*t.colour, round(_SEE_THROUGH * t.solid.cover)) if t.is_crown else t.colour for t in trees]
     forest = rr.Cylinders3D(lengths=high - low, radii=radius, centers=middles, colors=colours, fill_mode="solid")
     stream.log("world/forest", forest, static=True)
     for i, o in enumerate(uav.true_camera.optics for uav in recording.setting.uavs):
@@ -113,7 +113,7 @@ def _log_series(stream: rr.RecordingStream, recording: Recording) -> None:
 
 def _log_people(stream: rr.RecordingStream, scene: Scene) -> None:
     places = _lift(np.array([person.place for person in scene.people]).reshape(-1, 2), TARGET_HEIGHT)
-    names = [f"{p.name} {p.hold}" if p.look.trouble else p.name for p in scene.people]
+    names = [person.title for person in scene.people]
     colours = [person.look.trouble or PANEL for person in scene.people]
     half = [(0.3, 0.3, TARGET_HEIGHT)] * len(names)
     people = rr.Ellipsoids3D(centers=places, half_sizes=half, colors=colours, labels=names, fill_mode="solid")

@@ -11,15 +11,20 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.facts.metrics.holding import ELLIPSE, HOLDS, Holding, list_reports
-from sim.mission.recording import Recording
+from sim.facts.planned_path import make_vehicle, predict_path
+from sim.facts.sightings import STATES, find_states
+from sim.mission.recording import Recording, find_last_frames
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import true_view_of
-from sim.views.drawing.palette import (
+from sim.views.palette import (
     ALARM,
+    CANOPY,
     FAINT,
     INK,
+    LOST,
     PANEL,
+    TRUNK,
     UNHELD_COLOURS,
     Colour,
     mix,
@@ -29,7 +34,7 @@ from sim.views.drawing.palette import (
 )
 from sim.world.contacts import Contact, describe_body
 from tracking.geometry.camera import Camera, Pose, meet_plane
-from tracking.geometry.visibility import at_target_height
+from tracking.geometry.visibility import Forest, Solid, at_target_height
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import Scan, Track
 
@@ -39,6 +44,15 @@ ALERT = 1.0  # s, time for which a contact is marked
 _FEW_PEOPLE, _FEW_UAVS = 12, 6  # more are a crowd
 _TURN = np.linspace(0, 2 * np.pi, 48, endpoint=False).tolist()
 _CIRCLE = np.array([(np.cos(a), np.sin(a)) for a in _TURN])
+
+
+class TreeMark(NamedTuple):
+    """A part of a tree: a crown, of which maps show the shade and the edge, or a trunk, of which they show a dot."""
+
+    tree: int
+    is_crown: bool
+    colour: Colour
+    solid: Solid
 
 
 class DetectionMark(NamedTuple):
@@ -73,7 +87,7 @@ class UavMark(NamedTuple):
     believed: Pose  # of the camera, as the UAV believes
     view: Array | None  # (N, 2) m, outline of the field of view on the ground; None if it has no bounds nearby
     believed_view: Array | None  # as the UAV believes; the same as `view` if poses are exact
-    intent: Array | None  # (H + 1, 2) m, the rest of the plan that is flown, from the UAV on
+    intent: Array | None  # (H + 1, 2) m, where the plan leads: from the UAV on, at the ends of the steps that are left
     touched: str  # the body that the UAV has just touched, in words; "" for none
     detections: tuple[DetectionMark, ...]
     tracks: tuple[TrackMark, ...]
@@ -102,21 +116,25 @@ class PersonMark(NamedTuple):
 
     number: int
     name: str
+    named: Colour | None  # of the name beside the mark; None for no name
     place: Array  # (2,) m
     heading: float  # rad
     hold: str  # one of `HOLDS`
-    view: str  # in the cameras' last frames: "seen", "hidden" or "out of view"
+    view: str  # the best in any camera's last frame, one of `STATES`
+    look: PersonLook
 
     @property
-    def look(self) -> PersonLook:
-        """The look of the mark."""
-        return find_person_look(self.view, self.hold)
+    def title(self) -> str:
+        """The name, with the state of a person whom no UAV holds."""
+        return f"{self.name} {self.hold}" if self.look.trouble else self.name
 
 
 class Trail(NamedTuple):
     """Where a person or a track was in the last seconds."""
 
     colour: Colour
+    of_track: bool
+    number: int  # of the person or the track
     places: Array  # (N, 2) m
 
 
@@ -126,10 +144,11 @@ class Scene(NamedTuple):
     time: float  # s
     error: float  # m, mean OSPA of the working UAVs, or NaN
     poses_err: bool  # True if UAVs do not know the poses of their cameras
-    crowd: bool  # True if names need room
+    crowd: bool  # True if people and tracks have names only where there is room
     uavs: tuple[UavMark, ...]
     people: tuple[PersonMark, ...]
     trails: tuple[Trail, ...]  # of people and of the tracks on the map
+    detections: tuple[DetectionMark, ...]  # on the map: those of all UAVs if people are unknown
     owner: int | None  # the first UAV that works, whose tracks are on the map
 
     @property
@@ -149,15 +168,20 @@ class _Past(NamedTuple):
 class SceneMaker:
     """Makes the scenes of successive snapshots, in flight or of a recording."""
 
-    def __init__(self, scenario: Scenario, numbers: dict[int, int] | None = None) -> None:
-        """Begin at any scan; numbers: those of tracks by id, by default in the order of their appearance."""
+    def __init__(self, scenario: Scenario, numbers: dict[int, int] | None = None, *, labelled: bool = True) -> None:
+        """Begin at any scan; numbers: those of tracks by id, by default in the order of their appearance.
+
+        labelled: False if people are unknown.
+        """
         self._scenario = scenario
+        self._labelled = labelled
         self._views = [true_view_of(uav, scenario) for uav in scenario.uavs]
         self._numbers = {} if numbers is None else dict(numbers)
         self._holding: Holding | None = None
         self._past: deque[_Past] = deque(maxlen=round(TRAIL * scenario.rates.sensing))
         self._alert = round(ALERT * scenario.rates.sensing)
-        self._last: dict[int, Snapshot] = {}  # the snapshot of each camera's last frame
+        self._states: dict[int, Indices] = {}  # of people in each camera's last frame, indices into `STATES`
+        self._before: Array | None = None  # (n, 2) m, places of the UAVs at the previous scan
 
     def add(self, snapshot: Snapshot, holds: Indices | None = None) -> Scene:
         """The scene of the next snapshot.
@@ -165,32 +189,31 @@ class SceneMaker:
         holds (M,): states of people, as indices into `HOLDS`. Without them, they follow from all snapshots so far.
         """
         if holds is None:
-            people, uavs = len(snapshot.people), len(snapshot.poses)
-            self._holding = self._holding or Holding(people, uavs, self._scenario.loss_distance)
+            sizes = len(snapshot.people), len(snapshot.poses)
+            self._holding = self._holding or Holding(*sizes, self._scenario.loss_distance)
             holds = self._holding.step(snapshot.people, list_reports(snapshot.tracks), len(snapshot.working)).states
         working = snapshot.working
-        self._last |= {i: snapshot for i in working if snapshot.frames[i]}
-        tracks = [self._mark_tracks(held) for held in snapshot.tracks]
+        places = np.array([pose.position[:2] for pose in snapshot.poses])
+        before, self._before = places if self._before is None else self._before, places
+        tracks = [mark_tracks(held, self._numbers) for held in snapshot.tracks]
         shown = tracks[working[0]] if working else ()
         means = {track.number: track.mean for track in shown}
         self._past.append(_Past(snapshot.people, means, snapshot.contacts))
+        uavs = tuple(self._mark_uavs(snapshot, working, tracks, before))
         return Scene(
             time=snapshot.time,
             error=snapshot.error,
             poses_err=snapshot.believed is not None,
             crowd=len(snapshot.people) > _FEW_PEOPLE or len(snapshot.poses) > _FEW_UAVS,
-            uavs=tuple(self._mark_uavs(snapshot, working, tracks)),
-            people=self._mark_people(snapshot, working, holds),
+            uavs=uavs,
+            people=tuple(self._mark_people(snapshot, working, holds)),
             trails=self._list_trails(shown),
+            detections=() if self._labelled else tuple(mark for uav in uavs for mark in uav.detections),
             owner=working[0] if working else None,
         )
 
-    def _mark_tracks(self, held: Sequence[Track]) -> tuple[TrackMark, ...]:
-        numbers = self._numbers
-        return tuple([mark_track(track, numbers.setdefault(track.id, len(numbers))) for track in held])
-
     def _mark_uavs(
-        self, snapshot: Snapshot, working: Sequence[int], tracks: Sequence[tuple[TrackMark, ...]]
+        self, snapshot: Snapshot, working: Sequence[int], tracks: Sequence[tuple[TrackMark, ...]], before: Array
     ) -> Iterator[UavMark]:
         touched = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
         for i, pose in enumerate(snapshot.poses):
@@ -199,7 +222,7 @@ class SceneMaker:
             camera = snapshot.cameras[i]
             believed = camera if snapshot.believed is None else snapshot.believed[i]
             view = find_footprint(self._scenario, uav.true_camera, camera) if works else None
-            exact = not works or snapshot.believed is None
+            exact = not works or (snapshot.believed is None and uav.believed_camera == uav.true_camera)
             yield UavMark(
                 number=i,
                 name=f"UAV {i}" if works else f"UAV {i}: broken down",
@@ -211,48 +234,50 @@ class SceneMaker:
                 believed=believed,
                 view=view,
                 believed_view=view if exact else find_footprint(self._scenario, uav.believed_camera, believed),
-                intent=self._find_intent(snapshot, i) if works else None,
+                intent=self._find_intent(snapshot, i, before[i]) if works else None,
                 touched=describe_body(touched[i].kind, touched[i].other) if i in touched else "",
                 detections=mark_detections(snapshot.scans[i], snapshot.pixels[i]),
                 tracks=tracks[i],
             )
 
-    def _mark_people(self, snapshot: Snapshot, working: Sequence[int], holds: Indices) -> tuple[PersonMark, ...]:
-        seen, inside = np.zeros((2, len(snapshot.people)), dtype=np.bool_)
-        for i in working:
-            last = self._last.get(i, snapshot)
-            points = at_target_height(np.nan_to_num(last.people))
-            seen |= last.visible[i] > 0
-            inside |= self._views[i].sees(last.cameras[i], points) & ~np.isnan(last.people[:, 0])
-        views = ["seen" if s else "hidden" if h else "out of view" for s, h in zip(seen, inside, strict=True)]
-        return tuple(
-            PersonMark(m, f"person {m}", snapshot.people[m], float(snapshot.headings[m]), HOLDS[holds[m]], views[m])
-            for m in np.flatnonzero(~np.isnan(snapshot.people[:, 0])).tolist()
-        )
+    def _mark_people(self, snapshot: Snapshot, working: Sequence[int], holds: Indices) -> Iterator[PersonMark]:
+        present = ~np.isnan(snapshot.people[:, 0])
+        points = at_target_height(np.nan_to_num(snapshot.people))
+        for i in (i for i in working if snapshot.frames[i]):
+            inside = self._views[i].sees(snapshot.cameras[i], points) & present
+            self._states[i] = find_states(inside, snapshot.visible[i] > 0, snapshot.matched[i])
+        none = np.full(len(present), STATES.index("out of view"))
+        best = np.max([none, *(self._states[i] for i in working if i in self._states)], axis=0)
+        for m in np.flatnonzero(present).tolist():
+            view, hold = STATES[best[m]], HOLDS[holds[m]]
+            named = {"lost": LOST, "not found yet": INK}.get(hold)
+            where = snapshot.people[m], float(snapshot.headings[m])
+            yield PersonMark(m, f"person {m}", named, *where, hold, view, find_person_look(view, hold))
 
     def _list_trails(self, shown: Sequence[TrackMark]) -> tuple[Trail, ...]:
         people = np.array([old.people for old in self._past]).transpose(1, 0, 2)
         grey = mix(INK, PANEL, 0.45)
-        trails = [Trail(grey, places[~np.isnan(places[:, 0])]) for places in people]
+        trails = [Trail(grey, False, m, places[~np.isnan(places[:, 0])]) for m, places in enumerate(people)]
         for track in shown:
             means = [old.means[track.number] for old in self._past if track.number in old.means]
-            trails.append(Trail(mix(track.colour, PANEL, 0.7), np.array(means)))
+            trails.append(Trail(mix(track.colour, PANEL, 0.7), True, track.number, np.array(means)))
         return tuple(trails)
 
-    def _find_intent(self, snapshot: Snapshot, uav: int) -> Array | None:
+    def _find_intent(self, snapshot: Snapshot, uav: int, before: Array) -> Array | None:
         if snapshot.flown is None:
             return None
-        controls = snapshot.flown.plans[uav].controls
-        step = self._scenario.rates.plan_step
-        ends = self._scenario.plan_start(snapshot.flown.made) + step * np.arange(1, len(controls) + 1)
-        left = np.clip(ends - snapshot.time, 0.0, step)  # s, remaining time of each step
-        moves = np.cumsum(controls * left[:, None], axis=0)
-        return np.asarray(snapshot.poses[uav].position[:2] + np.vstack([np.zeros(2), moves]))
+        pose = snapshot.poses[uav]
+        vehicle = make_vehicle(self._scenario, uav, pose, pose.position[:2], before)
+        path, step = (
+            predict_path(self._scenario, vehicle, snapshot.flown, snapshot.time),
+            self._scenario.rates.plan_scans,
+        )
+        return np.vstack([path[:1], path[(len(path) - 1) % step or step :: step]])
 
 
 def make_scenes(recording: Recording, holds: Indices) -> Iterator[Scene]:
     """The scenes of all scans of a recording; holds (K, M): states of people, as indices into `HOLDS`."""
-    maker = SceneMaker(recording.setting, recording.track_numbers)
+    maker = SceneMaker(recording.setting, recording.track_numbers, labelled=recording.labelled)
     for k, row in enumerate(holds):
         yield maker.add(recording.snapshot(k), row)
 
@@ -260,12 +285,25 @@ def make_scenes(recording: Recording, holds: Indices) -> Iterator[Scene]:
 def make_scene(recording: Recording, k: int, holds: Indices) -> Scene:
     """The scene of scan k of a recording; holds (M,): states of people, as indices into `HOLDS`."""
     setting = recording.setting
-    maker = SceneMaker(setting, recording.track_numbers)
-    # Trails, contacts and last frames of slow cameras depend on so many scans of the past.
-    reach = max(round(TRAIL * setting.rates.sensing), *map(setting.frame_scans, range(len(setting.uavs))))
-    for earlier in range(max(0, k - reach), k):
+    maker = SceneMaker(setting, recording.track_numbers, labelled=recording.labelled)
+    # Trails, contacts and the cameras' last frames depend on the past from this scan on.
+    last = find_last_frames(recording.frames_taken)[k, recording.working[k]]
+    first = min([max(k - round(TRAIL * setting.rates.sensing), 0), *last.tolist()])
+    for earlier in range(first, k):
         maker.add(recording.snapshot(earlier), holds)
     return maker.add(recording.snapshot(k), holds)
+
+
+def mark_trees(forest: Forest) -> tuple[TreeMark, ...]:
+    """The marks of all parts of trees, in the order in which maps draw them."""
+    solids = zip(forest.tree_of_solids.tolist(), forest.solids, strict=True)
+    marks = [TreeMark(tree, s.part != "trunk", TRUNK if s.part == "trunk" else CANOPY, s) for tree, s in solids]
+    return tuple(sorted(marks, key=lambda mark: not mark.is_crown))
+
+
+def mark_tracks(held: Sequence[Track], numbers: dict[int, int]) -> tuple[TrackMark, ...]:
+    """The marks of tracks; numbers: those of all tracks so far by id, to which new ones are added."""
+    return tuple([mark_track(track, numbers.setdefault(track.id, len(numbers))) for track in held])
 
 
 def mark_track(track: Track, number: int) -> TrackMark:
@@ -282,8 +320,17 @@ def mark_detections(scan: Scan, pixels: Array) -> tuple[DetectionMark, ...]:
 
 
 def find_person_look(view: str, hold: str) -> PersonLook:
-    """The look of a person; view: "seen", "hidden" or "out of view"; hold: one of `HOLDS`."""
+    """The look of a person; view: one of `STATES`; hold: one of `HOLDS`."""
     return PersonLook(FAINT if view == "out of view" else INK, view == "hidden", UNHELD_COLOURS.get(hold))
+
+
+# The looks of people in legends, by what they mean.
+PEOPLE_LOOKS = {
+    "person": find_person_look("seen", "held"),
+    "hidden": find_person_look("hidden", "held"),
+    "out of view": find_person_look("out of view", "held"),
+    **{hold: find_person_look("seen", hold) for hold in UNHELD_COLOURS},
+}
 
 
 def measure_map(scenario: Scenario) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario
-from sim.views.drawing.palette import uav_colour
+from sim.views.palette import uav_colour
 from sim.world.engine import explain_failure, pybullet, silence, silence_c_code
 from sim.world.world import World
 from tracking.errors import InputError

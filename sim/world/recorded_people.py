@@ -1,6 +1,7 @@
 """Recorded people: the reader of their trajectories in CSV files."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
@@ -18,8 +19,10 @@ from tracking.numerics.distances import length
 COLUMNS = ("time", "id", "x", "y")
 _FRAMES = ("frame", "id", "x", "y")
 _ALIASES = {"t": "time", "time_s": "time", "x_m": "x", "y_m": "y"}
+_SPARES = {"timestamp": "time"}
 _LATEST = 1e12  # s, largest absolute value of a time
 _SOONEST = 1e-4  # s, least time between two rows of one person; shorter ones would mean absurd speeds
+_SLACK = 1e-6  # s, by which times of POSIX may differ by rounding from the time of the sample that is meant
 _LONGEST_ID = 100  # characters
 _SLOW = 0.2  # m/s, people who walk are faster
 _FASTEST = 12.14  # m/s, people who run are slower
@@ -28,15 +31,18 @@ _UNITS = "are times in seconds and places in metres?"
 _PLAIN = People()  # a file as it stands
 
 
-def read_trajectories(path: Path, area: Area, *, duration: float, people: People = _PLAIN) -> Trajectories:
+def read_trajectories(
+    path: Path, area: Area, *, duration: float, people: People = _PLAIN, slack: float = _SLACK
+) -> Trajectories:
     """Read recorded people from a CSV file with the columns time (or t) [s], id, x and y [m].
 
     With `people.fps` the column frame takes the place of time. A file of four columns without names has these columns
     in this order. `people.start` and `people.origin` are the time and place in the file of the mission's start and of
     the area's centre. Rows may have any order. Each person is present from the first to the last of their rows, but not
     with `people.outside = "clip"` between rows outside the area; in between, positions are interpolated by a monotone
-    cubic (PCHIP), which does not overshoot. People that are absent throughout `duration` s are left out. InputError
-    names the field of the scenario, file, and line and value of each wrong row.
+    cubic (PCHIP), which does not overshoot. Before and after, people stand for `slack` s. People that are absent
+    throughout `duration` s are left out. InputError names the field of the scenario, file, and line and value of each
+    wrong row.
     """
     name = f"people.trajectories: {path}"
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - EXACT) + 1) / SAMPLES_PER_SECOND
@@ -44,7 +50,7 @@ def read_trajectories(path: Path, area: Area, *, duration: float, people: People
     if len(persons) * duration > MOST_WALKED:
         walked = f"{len(persons)} people for a duration of {duration:g} s"
         raise InputError(f"{name}: {walked} are too many; at most {spell(MOST_WALKED)} s of all together are allowed")
-    tracks = [resample(name, person, rows, times) for person, rows in persons.items()]
+    tracks = [resample(name, person, rows, times, slack=slack) for person, rows in persons.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
         known = [time for rows in persons.values() for time in rows]
@@ -68,6 +74,9 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
     speeds = {person: _compute_mean_speed(rows) for person, rows in people.items() if len(rows) > 1}
     span = f"{name}: {len(people)} people, from {spell(min(times))} to {spell(max(times))} s"
     doubts = []
+    if len(people) > len({*times}) and _lacks_names(path, scenario.people):
+        count = f"has {len(people)} ids, but {len({*times})} times"
+        doubts.append(f"{name}: {count}; if the first column is the id, name the columns in a first line")
     if single := [person for person in people if person not in speeds]:
         doubts.append(f"{name}: left out: {_name_ids(single)}, in a single row; a path needs two or more")
     if not speeds:
@@ -81,6 +90,21 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
         run = f"no one has run faster than {_FASTEST} m/s"
         doubts.append(f"{name}: id {fastest} moves at {spell(speeds[fastest], 3)} m/s, but {run}; {_UNITS}")
     return line, doubts
+
+
+def _read_table(path: Path, people: People, *, nameless: bool) -> Iterator[TableRow]:
+    columns = COLUMNS if people.fps is None else _FRAMES
+    field = "people.trajectories"
+    return read_csv(path, field, columns, _ALIASES, nameless=nameless, hints=_HINTS, spares=_SPARES)
+
+
+def _lacks_names(path: Path, people: People) -> bool:
+    """True for a file without names of columns."""
+    try:
+        next(_read_table(path, people, nameless=False))
+    except InputError:
+        return True
+    return False
 
 
 def _name_ids(ids: list[str]) -> str:
@@ -108,12 +132,13 @@ def _read_people(path: Path, name: str, area: Area, people: People) -> dict[str,
     """
     found: dict[str, dict[float, Array]] = {}
     errors = RowErrors(name)
-    columns = COLUMNS if people.fps is None else _FRAMES
-    for row in read_csv(path, "people.trajectories", columns, aliases=_ALIASES, nameless=True, hints=_HINTS):
+    for row in _read_table(path, people, nameless=True):
         with errors.collect():
             person, time, place = _read_row(row, area, people)
             if time in found.setdefault(person, {}):
-                raise row.error(columns[0], f"id {person} has a second row at {spell(time)} s")
+                raise row.error(
+                    "time" if people.fps is None else "frame", f"id {person} has a second row at {spell(time)} s"
+                )
             found[person][time] = place
     errors.raise_all()
     if not found:
@@ -142,11 +167,14 @@ def _read_position(row: TableRow, area: Area, people: People) -> Array:
         if abs(value) > size / 2:
             if people.outside == "clip":
                 return np.full(2, np.nan)
-            raise row.error(column, f"{spell(value)} is outside the area, {-size / 2:g} to {size / 2:g} m")
+            far = "; people.origin is the place in the file of the area's centre" if abs(value) > size else ""
+            raise row.error(column, f"{spell(value)} is outside the area, {-size / 2:g} to {size / 2:g} m{far}")
     return position
 
 
-def resample(name: str, person: str, rows: dict[float, Array], times: Array, max_gap: float = math.inf) -> Array:
+def resample(
+    name: str, person: str, rows: dict[float, Array], times: Array, max_gap: float = math.inf, slack: float = _SLACK
+) -> Array:
     """Positions (K, 2) m of one person at times; NaN while the person is absent.
 
     InputError if two rows are almost at the same time.
@@ -157,6 +185,7 @@ def resample(name: str, person: str, rows: dict[float, Array], times: Array, max
         rows: Position (2,) m by time [s]; NaN where the person is absent.
         times: Times (K,) s.
         max_gap: Time [s] between two rows beyond which the person is absent in between.
+        slack: Time [s] that a person is present before the first row and after the last.
     """
     known = np.array(sorted(rows))
     places = np.array([rows[time] for time in known.tolist()])
@@ -175,7 +204,6 @@ def resample(name: str, person: str, rows: dict[float, Array], times: Array, max
             continue
         begins, ends = known[stay[0]], known[stay[-1]]
         curve = PchipInterpolator(known[stay], places[stay], extrapolate=False)
-        # A person's first and last time may differ by rounding from the time of the sample that is meant.
-        first, last = np.searchsorted(times, [begins - 1e-9, ends + 1e-9])
+        first, last = np.searchsorted(times, [begins - slack, ends + slack])
         positions[first:last] = curve(np.clip(times[first:last], begins, ends))
     return positions

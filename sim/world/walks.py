@@ -27,11 +27,17 @@ _PART = (0.4, 0.9)  # earliest and latest time at which a group parts, as shares
 
 
 class Itinerary(NamedTuple):
-    """A person's desired way, which steering follows as far as trunks, borders and other people allow."""
+    """A person's desired way, which steering follows as far as trunks, borders and other people allow.
 
-    waypoints: Array  # (n, 2) m, beginning with the start; empty (0, 2) if the person starts anywhere and wanders
-    pace: Array  # (K,) m/s, positive speeds at intervals of 1 / SAMPLES_PER_SECOND
-    room: float = ROOM  # m, desired distance of the start beyond the least one from trunks and people
+    Attributes:
+        waypoints: (n, 2) m, beginning with the start; empty (0, 2) if the person starts anywhere and wanders.
+        pace: (K,) m/s, positive speeds at intervals of 1 / SAMPLES_PER_SECOND.
+        room: m, desired distance of the start beyond the least one from trunks and people.
+    """
+
+    waypoints: Array
+    pace: Array
+    room: float = ROOM
 
 
 class Paths:

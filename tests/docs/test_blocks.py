@@ -149,7 +149,7 @@ def test_the_commands_on_debugging_tell_of_the_lost_person(shell, tmp_path):
     outputs = [shell.line(line) for line in block.splitlines()]
     folder = tmp_path / "runs" / "dense"
     assert outputs[0].count("timeline.png") == 1 and outputs[1] == losses
-    assert outputs[2].count("person ") == 1 and "off   hidden by tree" in outputs[2]
+    assert outputs[2].count("person ") == 1 and "off the track  hidden by tree" in outputs[2]
     assert outputs[3].startswith("person 2 at 3.2 s\n  is at (") and "  off the track since " in outputs[3]
     assert re.search(r"hidden by tree (\d+), .*\n  tree \1 stands at ", outputs[3])
     picture = "explain-target2-3.2s.png"

@@ -67,7 +67,7 @@ def test_names_of_modules_files_and_their_content_exist(page):
 
 
 def test_the_reference_has_every_name_command_and_option():
-    found = re.findall(r"^::: understory\.(\w+)$", text_of("reference/api"), flags=re.M)
+    found = re.findall(r"^### understory\.(\w+)$", text_of("reference/api"), flags=re.M)
     assert sorted(found) == sorted(understory.__all__)
     page, text = text_of("reference/commands"), generator().commands_text()
     for name, (target, _) in COMMANDS.items():

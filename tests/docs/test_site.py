@@ -7,7 +7,6 @@ from helpers.pages import DOCS, PAGES
 from helpers.processes import python
 
 pytest.importorskip("mkdocs")
-pytest.importorskip("mkdocstrings")
 
 
 @pytest.mark.docs

@@ -115,17 +115,20 @@ def _draw_people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: F
     height = float(pose.position[2]) - TARGET_HEIGHT
     half = height * math.tan(camera.fov / 2) + _MARGIN
     people: list[Array] = []
-    seen: list[tuple[Array, float]] = []
+    seen: list[tuple[tuple[float, float], float]] = []
+    middle, focal, turn = camera.pixels / 2, camera.focal, pose.rotation
     while len(people) < _PEOPLE:
         # Places are drawn for a level camera and then tilted, so that distances in the image do not depend on attitude.
         r, bearing = rng.uniform(0, half * math.sqrt(2)), rng.uniform(-math.pi, math.pi)
-        offset = r * np.array([math.cos(bearing), math.sin(bearing)])
-        pixel = camera.pixels / 2 + camera.focal / height * offset * [1.0, -1.0]
-        ray = camera.rays(pose, pixel)[0]
-        if np.abs(offset).max() > half or -ray[2] < _FLAT * np.linalg.norm(ray):
+        x, y = r * math.cos(bearing), r * math.sin(bearing)
+        if max(abs(x), abs(y)) > half:
             continue
-        place, depth = camera.ground_points(pose, pixel, TARGET_HEIGHT)[0], -height / ray[2]
-        if any(np.linalg.norm(pixel - p) * min(depth, d) < _GAP * camera.focal for p, d in seen):
+        ray = turn @ [x / height, y / height, -1.0]
+        if -ray[2] < _FLAT * math.hypot(*ray):
+            continue
+        pixel, depth = (middle + focal / height * x, middle - focal / height * y), -height / ray[2]
+        place = pose.position[:2] + depth * ray[:2]
+        if any(math.dist(pixel, p) * min(depth, d) < _GAP * focal for p, d in seen):
             continue
         share = forest.free_shares(pose.position, _BODY + np.append(place, 0.0)).mean() if forest.trees else 0.5
         if 0.0 < share < 1.0 or (share == 1.0 and rng.random() < _PLAIN):

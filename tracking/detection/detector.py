@@ -12,22 +12,36 @@ from tracking.numerics.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Image of one camera at one instant."""
+    """Image of one camera at one instant.
+
+    Attributes:
+        uav: number of the UAV whose camera took it.
+        time: time [s] since the start.
+        camera: the camera, as its UAV believes it to be.
+        pose: pose of the camera, as its UAV believes it.
+        image: (H, W, 3) RGB, 0 to 255, rows from the top.
+    """
 
     uav: int
-    time: float  # s
+    time: float
     camera: Camera
-    pose: Pose  # of the camera
-    image: NDArray[np.uint8]  # (H, W, 3) RGB
+    pose: Pose
+    image: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """People found in one frame, from the image's top to its bottom."""
+    """People found in one frame, from the image's top to its bottom.
 
-    pixels: Array  # (N, 2) of each person's mid-height in the image, as if the whole person were seen
-    ground: Array  # (N, 2) m
-    covariances: Array  # (N, 2, 2) m², of `ground`
+    Attributes:
+        pixels: (N, 2) u, v of each person's mid-height in the image, as if the whole person were seen.
+        ground: (N, 2) m: east and north.
+        covariances: (N, 2, 2) m², of the errors of `ground`.
+    """
+
+    pixels: Array
+    ground: Array
+    covariances: Array
 
 
 class Detector(Protocol):

@@ -17,10 +17,15 @@ _UNIT_NOISE = np.outer([0.5, 1.0], [0.5, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Gaussian:
-    """Belief on a target's state (px, py, vx, vy) in m and m/s, as in [Li22] eq. (1)."""
+    """Belief on a target's state (px, py, vx, vy) in m and m/s, as in [Li22] eq. (1).
 
-    mean: Array  # (4,)
-    covariance: Array  # (4, 4)
+    Attributes:
+        mean: (4,) m and m/s.
+        covariance: (4, 4) m², m²/s and m²/s².
+    """
+
+    mean: Array
+    covariance: Array
 
 
 class Transition(NamedTuple):
@@ -36,10 +41,15 @@ class NearlyConstantVelocity:
 
     The acceleration is constant over each of `scans` equal parts of `dt`, and independent between parts. A step has the
     same moments as `scans` steps of dt / scans.
+
+    Attributes:
+        dt: duration of a step [s].
+        sigma_a: standard deviation of the acceleration [m/s²].
+        scans: number of equal parts of a step.
     """
 
-    dt: float  # s
-    sigma_a: float  # standard deviation of the acceleration, m/s²
+    dt: float
+    sigma_a: float
     scans: int = field(default=1, kw_only=True)
 
     def __post_init__(self) -> None:

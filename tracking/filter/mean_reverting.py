@@ -36,10 +36,14 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
     while the direction is unknown. So deviations along the direction fade in 3 s, and those across it persist. The
     covariance treats all directions alike, and fades at the mean of the two rates, in 6 s.
     Source: [Millefiori16]. Note: the rates, and a u that follows from the belief and from detected people, are ours.
+
+    Attributes:
+        walking_speed: speed [m/s] to which people return.
+        learned_in: time [s] for which people were in view, summed over people.
     """
 
-    walking_speed: float = field(kw_only=True)  # m/s
-    learned_in: float = field(default=20.0, kw_only=True)  # s for which people were in view, summed over people
+    walking_speed: float = field(kw_only=True)
+    learned_in: float = field(default=20.0, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -105,8 +105,14 @@ class ScanLog:
         return (reported, self._reports[reported][self._uav]) if reported >= 0 and last % self._hold == 0 else None
 
     def add(self, k: int, scan: Scan) -> bool:
-        """Take a scan of another UAV, number k of the fleet's scans; False if it is too late, or known."""
+        """Take a scan of another UAV, number k of the fleet's scans; False if it is too late, or known.
+
+        ValueError if the log has not come to this scan yet.
+        """
         at = k - self._first
+        if at >= len(self._times):
+            last = self._first + len(self._times) - 1
+            raise ValueError(f"k: scan {k} is ahead of this log, whose last scan is {last}; step it up to there before")
         if len(self._times) - at > self._hold or scan.uav in self._scans[at]:
             return False
         self._scans[at][scan.uav] = scan

@@ -61,22 +61,38 @@ class Message:
     in column `INFORMATION` + u the share of UAV u in them. With fusion by averages alone it has no columns.
     Ids may change from round to round. The key of a track, its leader and its id before the first round, stays the same
     in all rounds of a scan.
+
+    Attributes:
+        uav: number of the UAV.
+        degree: number of neighbours.
+        scan: number of scans so far, this one included.
+        time: time of this scan [s].
+        partition: ids of the UAVs that the sender hears, directly or not.
+        ids: (T,) ids of tracks.
+        keys: (T, 2) keys of tracks.
+        shares: (T, 22) shares.
+        times: (T, 4) s: as in `tracking.track.TrackTable`.
+        views: (T, 2), as in `TrackTable`, of all UAVs heard.
+        misses: (T,), bit k is set if the k-th last scan that counts was a miss.
+        sightings: (T, 3), position [m] and time [s] of the fleet's last sure detection before this scan.
+        deleted: tracks that ended, by ascending id.
+        novel: (T, 0) or (T, INFORMATION + U), U > 0.
     """
 
     uav: int
-    degree: int  # number of neighbours
-    scan: int  # number of scans so far, this one included
-    time: float  # s, of this scan
+    degree: int
+    scan: int
+    time: float
     partition: Partition
-    ids: Indices  # (T,)
-    keys: Indices  # (T, 2)
-    shares: Array  # (T, 22)
-    times: Array  # (T, 4) s: as in `tracking.track.TrackTable`
-    views: Indices  # (T, 2), as in `TrackTable`, of all UAVs heard
-    misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
-    sightings: Array  # (T, 3), position [m] and time [s] of the fleet's last sure detection before this scan
-    deleted: tuple[EndedTrack, ...]  # by ascending id
-    novel: Array  # (T, 0) or (T, INFORMATION + U), U > 0
+    ids: Indices
+    keys: Indices
+    shares: Array
+    times: Array
+    views: Indices
+    misses: Indices
+    sightings: Array
+    deleted: tuple[EndedTrack, ...]
+    novel: Array
 
     @property
     def size(self) -> int:

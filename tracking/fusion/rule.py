@@ -25,24 +25,41 @@ _LEAST, _LARGEST = 1e-100, 1e100  # bounds of weights, beyond which products lea
 
 
 class LocalBeliefs(NamedTuple):
-    """Beliefs of one UAV after its scan, before fusion; the first K of its T tracks have a `prior` and `gates`."""
+    """Beliefs of one UAV after its scan, before fusion; the first K of its T tracks have a `prior` and `gates`.
+
+    Attributes:
+        uav: number of the UAV.
+        means: (T, 4) m and m/s.
+        covariances: (T, 4, 4).
+        weights: (T,) above 0, in averages: probability of a detection, or a small value without one.
+        prior: beliefs of the K tracks before the scan; later rows are new tracks.
+        measurements: (N, 2) m.
+        gates: (G, 2) pairs of a track and a measurement in its gate.
+        detected: rows of the tracks that were detected.
+    """
 
     uav: int
-    means: Array  # (T, 4)
-    covariances: Array  # (T, 4, 4)
-    weights: Array  # (T,) above 0, in averages: probability of a detection, or a small value without one
-    prior: Beliefs  # of the K tracks before the scan; later rows are new tracks
-    measurements: Array  # (N, 2) m
-    gates: Indices  # (G, 2) pairs of a track and a measurement in its gate
-    detected: Indices  # rows of the tracks that were detected
+    means: Array
+    covariances: Array
+    weights: Array
+    prior: Beliefs
+    measurements: Array
+    gates: Indices
+    detected: Indices
 
 
 class Contribution(NamedTuple):
-    """Information that a UAV contributes to consensus, for each of its T tracks."""
+    """Information that a UAV contributes to consensus, for each of its T tracks.
 
-    averaged: Array  # (T, 20) information vector and matrix
-    summed: Array  # (T, 0), or as `Message.novel`: information to add up, and in column 20 + u the share of UAV u in it
-    weights: Array  # (T,) of the average, all of them positive
+    Attributes:
+        averaged: (T, 20) information vector and matrix.
+        summed: (T, 0), or as `Message.novel`: information to add up, and in column 20 + u the share of UAV u in it.
+        weights: (T,) of the average, all of them positive.
+    """
+
+    averaged: Array
+    summed: Array
+    weights: Array
 
 
 class FusionRule(Protocol):

@@ -27,10 +27,14 @@ class Pose:
 
     The body axes of a camera are x to the image's right, y to its top, and z backwards, away from the scene. So the
     identity attitude is that of a nadir camera with north at the top of its image.
+
+    Attributes:
+        position: (3,) m: east, north and up.
+        quaternion: (4,) xyzw, of unit length.
     """
 
-    position: Array  # (3,) m
-    quaternion: Array  # (4,) xyzw, unit
+    position: Array
+    quaternion: Array
 
     @property
     def rotation(self) -> Array:
@@ -48,11 +52,16 @@ class Camera:
     """A camera: by default a square pinhole image; `calibrated` makes any other.
 
     Pixel coordinates (u, v) run right and down from the top left corner; the centre of the first pixel is (0.5, 0.5).
+
+    Attributes:
+        fov: full angle of view [rad]; if calibrated, of the least square about the optical axis that has the image.
+        pixels: number of pixels along each edge; if calibrated, along the rows.
+        optics: focal lengths, principal point [pixels] and distortion; by default those of the square image.
     """
 
-    fov: float  # rad, full angle of view; if calibrated, of the least square about the optical axis that has the image
-    pixels: int  # along each edge; if calibrated, along the rows
-    optics: Optics = _NOT_GIVEN  # by default those of the square image
+    fov: float
+    pixels: int
+    optics: Optics = _NOT_GIVEN
 
     def __post_init__(self) -> None:
         if math.isclose(self.fov, ALL_ROUND, rel_tol=1e-6):  # as 6.2831853

@@ -24,15 +24,24 @@ class Grid(NamedTuple):
     A list holds all cylinders that are at most `PIECE` / 2 from some point of the cell. So if a segment is cut into
     pieces no longer than `PIECE`, it touches only cylinders in the lists of the cells at the middles of the pieces.
     One more list, after those of the cells, holds all cylinders.
+
+    Attributes:
+        low: (3,) m: least coordinates of the box round all cylinders.
+        high: (3,) m: its greatest coordinates.
+        cell: edge of a cell [m].
+        rows: number of rows.
+        columns: number of columns.
+        starts: (rows columns + 2,): where each cell's list begins, row after row.
+        members: (M,): indices of cylinders, in each list the widest first, because they hide most.
     """
 
-    low: tuple[float, float, float]  # m: corner of the box round all cylinders
-    high: tuple[float, float, float]  # m
-    cell: float  # m
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    cell: float
     rows: int
     columns: int
-    starts: Indices  # (rows columns + 2,): where each cell's list begins, row after row
-    members: Indices  # (M,): indices of cylinders, in each list the widest first, because they hide most
+    starts: Indices
+    members: Indices
 
 
 def make_grid(cylinders: Array) -> Grid:

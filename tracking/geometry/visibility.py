@@ -84,7 +84,12 @@ class Tree:
 
 @dataclass(frozen=True, eq=False)
 class Forest:
-    """The known map of trees, and the model of their occlusion."""
+    """The known map of trees, and the model of their occlusion.
+
+    Attributes:
+        trees: the trees.
+        occlusion: `line_of_sight`, or `disc` as in the paper.
+    """
 
     trees: tuple[Tree, ...]
     occlusion: Occlusion = "line_of_sight"

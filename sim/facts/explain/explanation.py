@@ -64,14 +64,14 @@ def _tell_holding(facts: PersonFacts) -> list[str]:
     unheld = (event for event in facts.flight.events if event.kind in UNHELD and event.person == facts.person)
     within = f"within {facts.flight.scenario.loss_distance:g} m"
     loss = next(event for event in unheld if event.first <= facts.k <= event.last)
-    end = loss.last + 1
+    end, what = loss.last + 1, loss.kind.removeprefix("person ")
     if end == len(times):
         later = "not held again by the end of the mission"
     else:
-        later = f"{'held from' if facts.flight.people.held[end, facts.person] else 'absent from'} {times[end]:.1f} s on"
+        state = HOLDS[facts.flight.people.hold_states[end, facts.person]]
+        later = f"{'held' if state.startswith('held') else state} from {times[end]:.1f} s on"
     if not facts.holders:
-        return [f"not found yet: no track has been {within} so far", later]
-    what = "lost" if loss.kind == "person lost" else "off the track"
+        return [f"{what}: no track has been {within} so far", later]
     lines = [f"{what} since {loss.time:.1f} s{_format_ago(times, loss.first, facts.k)}: no reported track {within}"]
     (last,) = facts.holders
     return [*lines, f"last held as track {last.number} at {last.until:.1f} s; {later}"]
@@ -100,8 +100,6 @@ def _tell_observation(w: PersonObservation, facts: PersonFacts) -> list[str]:
     lines += _tell_view(w, facts.flight.recording)
     if w.found:
         lines.append(_tell_detection(w.found))
-    elif w.sighting.looked and w.sighting.pixels:
-        lines.append("not detected")
     if w.association:
         numbers = facts.flight.recording.numbers_of(w.association.ids).tolist()
         lines += _tell_gates(w.found.measurement, w.association, numbers) if w.found else []
@@ -198,7 +196,7 @@ def _tell_turns(parts: Sequence[Track]) -> list[str]:
 
 
 def _find_events(facts: PersonFacts) -> list[Event]:
-    """Events at the scan that concern the person, tracks of no person, or links."""
+    """Events at the scan that concern the person, tracks of no person, or links and messages."""
     events = facts.flight.events
     k = facts.k
     now = [event for event in events if event.first <= k <= event.last]
@@ -224,7 +222,7 @@ def _tell_intents(facts: PersonFacts) -> list[str]:
 
 def _tell_ahead(planned: PlannedVisibility, states: Indices) -> str:
     """The first time at which a place is in view on the planned path, or its state if it never is."""
-    for state, words in ((IN_VIEW, "in view"), (HIDDEN, "in the frame, hidden,")):
+    for state, words in ((IN_VIEW, "in view"), (HIDDEN, "hidden")):
         ahead = [e for e in find_episodes(states) if e.value == state]
         if ahead:
             first, last = (f"{planned.times[s]:.1f}" for s in ahead[0][:2])

@@ -26,11 +26,16 @@ HOLD_MEANINGS = {
     "absent": "is not in the area",
     "not found yet": "no UAV has held them so far",
     "lost": "held before; no UAV holds them, and no track within 10 m that holds nobody has them in its 95 % ellipse",
-    "off": "held before; no UAV holds them, but such a track has them in its ellipse",
+    "off the track": "held before; no UAV holds them, but such a track has them in its ellipse",
     "held by some": "some of the working UAVs hold them",
     "held": "all working UAVs hold them",
 }
 HOLDS = tuple(HOLD_MEANINGS)
+GRADES = (
+    "lost",
+    "not found yet",
+    "off the track",
+)  # of losses, the states in which no UAV holds people, the worst first
 INSIDE, OUTSIDE, NO_TRACK = range(3)  # gap between a person without a track and the tracks that hold nobody
 
 
@@ -47,6 +52,23 @@ def find_episodes(values: Indices) -> list[Episode]:
     edges = np.flatnonzero(np.diff(values)).tolist()
     firsts, lasts = [0, *(k + 1 for k in edges)], [*edges, len(values) - 1]
     return [Episode(a, b, int(values[a])) for a, b in zip(firsts, lasts, strict=True)]
+
+
+class Unheld(NamedTuple):
+    """A loss: a span in which no UAV held a person who was there, with one grade."""
+
+    person: int
+    grade: str  # one of `GRADES`
+    first: int  # scan
+    last: int  # scan, included; the grade may change at the next one
+    since: int  # first of all scans up to these at which no UAV held the person
+    # scans without a track that holds nobody within `FAR` m, outside the 95 % ellipse of each such track, and inside
+    scans: tuple[int, int, int]
+
+    @property
+    def found(self) -> bool:
+        """True if the person was held before; otherwise no UAV has found them yet."""
+        return self.grade != "not found yet"
 
 
 class Reports(NamedTuple):
@@ -121,6 +143,20 @@ def find_holding(recording: Recording) -> Held:
     return Held(*(np.stack(table) for table in zip(*found, strict=True)))
 
 
+def find_unheld(held: Held) -> tuple[Unheld, ...]:
+    """The losses of a recording, by scan, then person. Whatever counts, lists or draws losses has these spans."""
+    found = []
+    for person, (states, gaps) in enumerate(zip(held.states.T, held.gaps.T, strict=True)):
+        since = 0
+        for first, last, value in find_episodes(states):
+            if HOLDS[value] not in GRADES:
+                since = last + 1
+                continue
+            inside, outside, without = np.bincount(gaps[first : last + 1], minlength=3).tolist()
+            found.append(Unheld(person, HOLDS[value], first, last, since, (without, outside, inside)))
+    return tuple(sorted(found, key=lambda loss: (loss.first, loss.person)))
+
+
 def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
     """Gap (M,) of each person to tracks within `FAR` m: `INSIDE` the 95 % ellipse of one, `OUTSIDE` it, or `NO_TRACK`.
 
@@ -137,7 +173,7 @@ def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
 
 def _name_states(held: Indices, found: Flags, working: int, present: Flags, gaps: Indices) -> Indices:
     """States (M,) of people, as indices into `HOLDS`, by how many UAVs hold each and whether any `found` them."""
-    states = np.where(gaps == INSIDE, HOLDS.index("off"), HOLDS.index("lost"))
+    states = np.where(gaps == INSIDE, HOLDS.index("off the track"), HOLDS.index("lost"))
     states[~found] = HOLDS.index("not found yet")
     states[held > 0] = HOLDS.index("held by some")
     states[(held > 0) & (held == working)] = HOLDS.index("held")

@@ -22,14 +22,23 @@ UNKNOWN = "–"  # shown in place of a missing number
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A mission that was flown: its recording, and facts of the flight that the recording does not contain."""
+    """A mission that was flown: its recording, and facts of the flight that the recording does not contain.
+
+    Attributes:
+        recording: the recording.
+        seconds: wall time [s] of each stage, `start_up` and `page`.
+        wall_s: total wall time [s].
+        faults: faults of the mission, breakdowns included.
+        planning_s: wall time [s] of each decision.
+        planning_cpu_s: processor time [s] of all decisions.
+    """
 
     recording: Recording
-    seconds: Mapping[str, float] = field(default_factory=dict)  # wall time of each stage, `start_up` and `page`
-    wall_s: float = 0.0  # total wall time
-    faults: list[Fault] = field(default_factory=list)  # includes breakdowns
-    planning_s: Sequence[float] = ()  # wall time of each decision
-    planning_cpu_s: float = 0.0  # processor time of all decisions
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    wall_s: float = 0.0
+    faults: list[Fault] = field(default_factory=list)
+    planning_s: Sequence[float] = ()
+    planning_cpu_s: float = 0.0
 
     @cached_property
     def scores(self) -> list[Score]:
@@ -58,22 +67,39 @@ Computation = Callable[[Outcome], float | None]
 
 @dataclass(frozen=True)
 class Metric:
-    """A number for a mission and its display; `scale` converts the value into the unit."""
+    """A number for a mission and its display; `scale` converts the value into the unit.
+
+    Attributes:
+        label: name in tables.
+        compute: computes the value; returns None if there is nothing to count.
+        unit: unit of the shown value.
+        better: whether "lower" or "higher" values are better, or neither.
+        scale: factor from the value to the shown one.
+        digits: decimal places of the shown value.
+        least: bounds of the value before scaling, at which intervals are cut off.
+        most: upper bound, as `least`.
+        meaning: what is counted, in the reference.
+        printed: place in the table that `run` prints, with a section for each ten; 0 if it is not there.
+        compared: `compare` shows it unless asked for others.
+        name: column in studies and dotted key in summary.json; the import string of a plug-in metric.
+        judges: compares with the people; False if it has a value also where they are unknown.
+        in_summary: False if another entry of summary.json tells it, such as the list of faults.
+    """
 
     label: str
-    compute: Computation | None = None  # computes the value; returns None if there is nothing to count
+    compute: Computation | None = None
     unit: str = ""
     better: Better = "lower"
     scale: float = 1.0
     digits: int = 2
-    least: float = -math.inf  # bounds of the value before scaling, at which intervals are cut off
+    least: float = -math.inf
     most: float = math.inf
-    meaning: str = ""  # what is counted, in the reference
-    printed: int = 0  # place in the table that `run` prints, with a section for each ten; 0 if it is not there
-    compared: bool = False  # `compare` shows it unless asked for others
-    name: str = ""  # column in studies and dotted key in summary.json; the import string of a plug-in metric
-    judges: bool = True  # compares with the people; False if it has a value also where they are unknown
-    in_summary: bool = True  # False if another entry of summary.json tells it, such as the list of faults
+    meaning: str = ""
+    printed: int = 0
+    compared: bool = False
+    name: str = ""
+    judges: bool = True
+    in_summary: bool = True
 
     def __call__(self, outcome: Outcome) -> float | None:
         """The value of a mission; None if there is nothing to count, or to compare with."""

@@ -149,9 +149,9 @@ def format_planner_title(planner: str, sees_truth: bool) -> str:
 
 
 def format_recording_title(recording: Recording) -> str:
-    """Displayed planner, seed and repeat of a recording."""
+    """Displayed planner, seed and repeat of a recording; the name of a flight from elsewhere."""
     planner = format_planner_title(recording.planner, recording.sees_truth)
-    return f"{planner}, {format_seed(recording.seed, recording.repeat)}"
+    return f"{planner}, {format_seed(recording.seed, recording.repeat)}" if recording.frames is None else planner
 
 
 def make_results_table(summary: Mapping[str, Any]) -> Table:

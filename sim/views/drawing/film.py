@@ -20,10 +20,9 @@ from sim.views.drawing.layout import GAP, Box, Parts, arrange_parts
 from sim.views.drawing.legend import draw_legend
 from sim.views.drawing.lettering import TextStyle, write
 from sim.views.drawing.map_view import MapView
-from sim.views.drawing.marks import draw_detection
-from sim.views.drawing.palette import FAINT, PAPER, VERMILLION
 from sim.views.drawing.strokes import draw_disc, draw_line
 from sim.views.drawing.tiles import draw_tile
+from sim.views.palette import FAINT, PAPER, VERMILLION
 from sim.views.scene import Scene, SceneMaker, measure_map
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Image
@@ -60,7 +59,7 @@ class Film:
         self._layout = lay_out_parts(scenario, layout)
         room = self._layout.map or _PANEL
         self._map = MapView(scenario, forest, (room.width, room.height))
-        self._scenes = SceneMaker(scenario)
+        self._scenes = SceneMaker(scenario, labelled=labelled)
         self._last: dict[int, Image] = {}  # each tile as of its camera's last frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         # scans in which each camera takes a frame
@@ -87,11 +86,7 @@ class Film:
         scene = self._take(snapshot)
         image = self._empty.copy()
         if self._layout.map is not None:
-            picture = image[self._layout.map.slices]
-            self._map.draw(scene, picture)
-            if not self._labelled:
-                for mark in (mark for uav in scene.uavs for mark in uav.detections):
-                    draw_detection(picture, self._map.pixels(mark.place), reach=4.0)
+            self._map.draw(scene, image[self._layout.map.slices])
         self._draw_tiles(image, scene, frames)
         self._draw_header(image[:_HEADER, GAP:-GAP], scene)
         return image

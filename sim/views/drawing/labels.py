@@ -3,8 +3,8 @@
 import numpy as np
 
 from sim.views.drawing.lettering import TextStyle, measure_width, write
-from sim.views.drawing.palette import INK
 from sim.views.drawing.strokes import draw_line
+from sim.views.palette import INK
 from tracking.numerics.arrays import Array, Image
 
 # Sides of a mark at which a name may stand, as steps to the right and down.

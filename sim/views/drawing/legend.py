@@ -8,7 +8,8 @@ import numpy as np
 
 from sim.views.drawing.lettering import TextStyle, measure_width, write
 from sim.views.drawing.marks import draw_cross, draw_detection, draw_person_mark, draw_quadrotor
-from sim.views.drawing.palette import (
+from sim.views.drawing.strokes import cut_dashes, draw_disc, draw_line, draw_lines
+from sim.views.palette import (
     BELIEVED,
     BLUE,
     CANOPY,
@@ -16,12 +17,10 @@ from sim.views.drawing.palette import (
     INK,
     PANEL,
     TRUNK,
-    UNHELD_COLOURS,
     mix,
     track_colour,
 )
-from sim.views.drawing.strokes import cut_dashes, draw_disc, draw_line, draw_lines
-from sim.views.scene import find_person_look
+from sim.views.scene import PEOPLE_LOOKS, mark_trees
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Image
 
@@ -31,14 +30,6 @@ _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
 _Entry = tuple[Callable[[Image, Array], None], str]
-_PEOPLE: list[_Entry] = [
-    (partial(draw_person_mark, heading=0.0, look=find_person_look(view, hold)), text)
-    for text, view, hold in (
-        ("person", "seen", "held"),
-        *((view, view, "held") for view in ("hidden", "out of view")),
-        *((hold, "seen", hold) for hold in UNHELD_COLOURS),
-    )
-]
 
 
 def draw_legend(
@@ -58,7 +49,9 @@ def draw_legend(
     """
     entries: list[_Entry] = []
     if owner:
-        entries += [*_list_trees(forest), *(_PEOPLE if labelled else ())]
+        entries += _list_trees(forest)
+        people = PEOPLE_LOOKS.items() if labelled else ()
+        entries += [(partial(draw_person_mark, heading=0.0, look=look), text) for text, look in people]
     entries.append((_draw_track, f"track of {owner}, 95 %" if owner else "track"))
     if owner:
         entries += [(_draw_believed_uav, "UAV, view, believed") if believed else (_draw_uav, "UAV, view")]
@@ -76,7 +69,7 @@ def draw_legend(
 
 
 def _list_trees(forest: Forest) -> Iterator[_Entry]:
-    covers = [solid.cover for solid in forest.solids if solid.part != "trunk"] or [1.0]
+    covers = [tree.solid.cover for tree in mark_trees(forest) if tree.is_crown] or [1.0]
     if max(covers) == 1.0:
         yield partial(_draw_tree, cover=1.0), "tree"
     if min(covers) < 1.0:

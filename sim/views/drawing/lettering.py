@@ -13,7 +13,7 @@ from matplotlib.ft2font import FT2Font
 from numpy.typing import NDArray
 
 from sim.facts.words import TextGroup
-from sim.views.drawing.palette import FAINT, INK, Colour
+from sim.views.palette import FAINT, INK, Colour
 from tracking.numerics.arrays import Image
 
 Mask = NDArray[np.float32]

@@ -5,15 +5,16 @@ from functools import partial
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sim.scenario.scenario import Scenario
-from sim.views.drawing import palette
+from sim.views import palette
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle
-from sim.views.drawing.marks import draw_broken_mark, draw_cross, draw_person_mark, draw_quadrotor
-from sim.views.drawing.palette import BELIEVED, INK, PANEL, mix
+from sim.views.drawing.marks import draw_broken_mark, draw_cross, draw_detection, draw_person_mark, draw_quadrotor
 from sim.views.drawing.strokes import SHIFT, cut_dashes, draw_disc, draw_line, draw_lines, to_fixed_point
-from sim.views.scene import PersonMark, Scene, TrackMark, UavMark, measure_map, outline_ellipse
+from sim.views.palette import BELIEVED, INK, PANEL, mix
+from sim.views.scene import PersonMark, Scene, TrackMark, UavMark, mark_trees, measure_map, outline_ellipse
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Image
 
@@ -54,9 +55,11 @@ class MapView:
         self._put_names(scene, labels)
         for person in scene.people:
             draw_person_mark(image, self.pixels(person.place), person.heading, person.look, self._mark)
+        for mark in scene.detections:
+            draw_detection(image, self.pixels(mark.place), reach=4.0)
         return image, labels
 
-    def pixels(self, points: Array) -> Array:
+    def pixels(self, points: ArrayLike) -> Array:
         """Pixels (..., 2) of the map at points (..., 2) m."""
         centre = np.array(self._size) / 2
         return centre + self.scale * np.asarray(points, dtype=float) * [1.0, -1.0]
@@ -73,17 +76,17 @@ class MapView:
                 ends = np.array([-half, half])
                 ends[:, axis] = tick
                 draw_line(image, self.pixels(ends), mix(palette.LINE, PANEL, 0.5))
-        shade = image.copy()
-        for solid in (solid for solid in forest.solids if solid.part != "trunk"):
-            place, colour = self.pixels(np.array([solid.x, solid.y])), mix(palette.CANOPY, PANEL, solid.cover)
-            draw_disc(shade, place, solid.radius * self.scale, colour)
+        shade, trees = image.copy(), mark_trees(forest)
+        for tree in (tree for tree in trees if tree.is_crown):
+            colour = mix(tree.colour, PANEL, tree.solid.cover)
+            draw_disc(shade, self.pixels(tree.solid[1:3]), tree.solid.radius * self.scale, colour)
         cv2.addWeighted(shade, 0.6, image, 0.4, 0, dst=image)
-        for solid in (solid for tree in forest.trees for solid in reversed(tree.solids)):
-            place, radius = self.pixels(np.array([solid.x, solid.y])), solid.radius * self.scale
-            if solid.part == "trunk":
-                draw_disc(image, place, max(radius, 2.2 * self._mark), palette.TRUNK)
-            else:
+        for tree in trees:
+            place, radius = self.pixels(tree.solid[1:3]), tree.solid.radius * self.scale
+            if tree.is_crown:
                 draw_disc(image, place, radius, palette.CANOPY_EDGE, 1)
+            else:
+                draw_disc(image, place, max(radius, 2.2 * self._mark), tree.colour)
         draw_line(image, self.pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), palette.FAINT, closed=True)
         return image
 
@@ -137,13 +140,13 @@ class MapView:
         labels.reserve(crosses, 6.0 * self._mark)
 
     def _put_names(self, scene: Scene, labels: Labels) -> None:
-        """Name UAVs, tracks and lost people, clear of all marks.
+        """Name UAVs, tracks and people who have a name, clear of all marks.
 
-        In a crowd UAVs come first, then lost people, and people and tracks have names only where there is room.
+        In a crowd UAVs come first, then people, and people and tracks have names only where there is room.
         """
         steps = [
             partial(self._name_uavs, scene, labels),
-            partial(self._name_lost, scene, labels),
+            partial(self._name_people, scene, labels),
             partial(self._name_tracks, scene, labels),
         ]
         for step in steps if scene.crowd else reversed(steps):
@@ -154,11 +157,11 @@ class MapView:
             style = TextStyle(13, track.colour, True, PANEL)
             labels.put(track.name, self.pixels(track.mean), style, gap=11.0 * self._mark, needed=not scene.crowd)
 
-    def _name_lost(self, scene: Scene, labels: Labels) -> None:
+    def _name_people(self, scene: Scene, labels: Labels) -> None:
         for person in scene.people:
-            if person.hold == "lost":
+            if person.named:
                 at = self.pixels(person.place)
-                style = TextStyle(13, palette.LOST, True, PANEL)
+                style = TextStyle(13, person.named, True, PANEL)
                 labels.put(person.name, at, style, gap=14.0 * self._mark, needed=not scene.crowd)
 
     def _name_uavs(self, scene: Scene, labels: Labels) -> None:

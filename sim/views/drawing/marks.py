@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from sim.views.drawing.palette import ALARM, DETECTION, FAINT, INK, PANEL, Colour
 from sim.views.drawing.strokes import draw_disc, draw_line, draw_lines
+from sim.views.palette import ALARM, DETECTION, FAINT, INK, PANEL, Colour
 from sim.views.scene import PersonLook
 from tracking.numerics.arrays import Array, Image
 

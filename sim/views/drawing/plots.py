@@ -1,5 +1,6 @@
 """Figures of a mission."""
 
+import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 
 from sim.facts.metrics.fleet_facts import average_ospa
 from sim.mission.atomic_files import write_whole
-from sim.views.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour, uav_dashes
+from sim.views.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour, uav_dashes
 from tracking.numerics.arrays import Array
 
 _TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50)
@@ -72,11 +73,20 @@ def _differs(errors: Array, mean: Array) -> bool:
     return bool(np.max(gaps[~np.isnan(gaps)], initial=0.0) > 0.01 * np.nanmax([*heights[1], 1.2]))
 
 
+class ShownFigure(Figure):
+    """A figure that notebooks show by themselves, without an import of pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        content = io.BytesIO()
+        self.savefig(content, format="png", dpi=self.dpi)
+        return content.getvalue()
+
+
 @contextmanager
 def open_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]:
     """Yield a figure with this size in inches, and letters in points, to be drawn in the block."""
     with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": letters}):
-        figure = Figure(figsize=(width, height), layout="constrained")
+        figure = ShownFigure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)  # a canvas whose pixels can be read
         yield figure
 

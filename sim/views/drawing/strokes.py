@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.views.drawing.palette import Colour
+from sim.views.palette import Colour
 from tracking.numerics.arrays import Array, Image
 
 SHIFT = 4  # OpenCV's fixed point: sixteenths of a pixel

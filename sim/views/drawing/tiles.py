@@ -6,7 +6,7 @@ import numpy as np
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, measure_width, write
 from sim.views.drawing.marks import draw_broken_mark, draw_cross, draw_detection
-from sim.views.drawing.palette import FAINT, INK, LINE, PANEL, Colour
+from sim.views.palette import FAINT, INK, LINE, PANEL, Colour
 from sim.views.scene import UavMark
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import at_target_height

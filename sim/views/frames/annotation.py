@@ -7,13 +7,14 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from sim.facts.sightings import FrameFacts, Sighting, outline_cylinder, outline_hidden_ground
+from sim.facts.sightings import Sighting
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, write
 from sim.views.drawing.marks import draw_cross, draw_detection
-from sim.views.drawing.palette import DETECTION, INK, PANEL, Colour, track_colour
 from sim.views.drawing.strokes import SHIFT, draw_disc, draw_line, draw_outline, to_fixed_point
-from sim.views.scene import looks_down, mark_detections, mark_track, outline_ellipse
+from sim.views.frames.frame_facts import FrameFacts, outline_cylinder, outline_hidden_ground
+from sim.views.palette import DETECTION, INK, PANEL, Colour, track_colour
+from sim.views.scene import looks_down, outline_ellipse
 from tracking.geometry.person import PERSON_HEIGHT, PERSON_RADIUS
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Image
@@ -57,9 +58,6 @@ class _Overlay:
         self._size = np.array(image.shape[1::-1])
         self._labels = Labels(image)
         self.shown: set[str] = set()  # names of the marks that lie in the image
-        snapshot, uav = sight.snapshot, sight.uav
-        self._tracks = [mark_track(track, track.id) for track in snapshot.tracks[uav]]
-        self._detections = mark_detections(snapshot.scans[uav], snapshot.pixels[uav])
         outlines = outline_hidden_ground(sight.camera, sight.pose, sight.forest)
         self._outlines = [[self._scale * part for part in tree] for tree in outlines]
 
@@ -106,11 +104,12 @@ class _Overlay:
         return np.asarray(self._scale * outline_cylinder(self._sight.camera, self._sight.pose, body))
 
     def _draw_measurements(self) -> None:
-        rings = [self._pixels(np.vstack([m.place, outline_ellipse(m.place, m.covariance)])) for m in self._detections]
+        marks = self._sight.detections
+        rings = [self._pixels(np.vstack([m.place, outline_ellipse(m.place, m.covariance)])) for m in marks]
         finite = [k for k, ring in enumerate(rings) if np.all(np.isfinite(ring))]
         with self._drawing(_DETECTION):
             for k in finite:
-                if (pixel := self._detections[k].pixel) is not None:
+                if (pixel := marks[k].pixel) is not None:
                     found = self._scale * pixel
                     draw_outline(self._image, np.array([found, rings[k][0]]), DETECTION, INK)
                     draw_detection(self._image, found, max(5.0 * self._scale, 10.0))
@@ -120,7 +119,7 @@ class _Overlay:
                 self._labels.reserve(rings[k][0], 8.0)
 
     def _draw_tracks(self) -> None:
-        for track in self._tracks:
+        for track in self._sight.tracks:
             at = self._pixels(track.mean[None])[0]
             ring = self._pixels(outline_ellipse(track.mean, track.covariance))
             if np.all(np.isfinite(ring)):
@@ -128,12 +127,12 @@ class _Overlay:
                 self._labels.reserve(at, 10.0)
 
     def _name_person(self, sighting: Sighting) -> None:
-        why = f": {sighting.status}" if sighting.status != "in view" else ""
+        why = "" if sighting.status in ("seen", "in view") else f": {sighting.status}"
         at = np.clip(self._person(sighting).mean(axis=0), 0, self._size)
         self._labels.put(f"truth: person {sighting.person}{why}", at, TextStyle(13, INK, True, PANEL))
 
     def _name_tracks(self) -> None:
-        for track in self._tracks:
+        for track in self._sight.tracks:
             at = self._pixels(track.mean[None])[0]
             if np.all(np.isfinite(at) & (at >= 0) & (at <= self._size)):
                 self._labels.put(f"track {track.name}", at, TextStyle(13, track.colour, True, PANEL))

@@ -8,16 +8,17 @@ import numpy as np
 
 from sim.facts.metrics.summary import format_recording_title
 from sim.facts.rerender import Rerenderer
-from sim.facts.sightings import FrameFacts, Sighting, make_frame_facts, tell_pose_error
+from sim.facts.sightings import Sighting, tell_pose_error
 from sim.facts.words import TextGroup
 from sim.mission.atomic_files import make_new_folder
 from sim.mission.recording import Recording
 from sim.views.drawing.layout import GAP
 from sim.views.drawing.lettering import TextStyle, lay_out_groups, write
-from sim.views.drawing.palette import PANEL, PAPER, uav_colour
 from sim.views.drawing.tiles import BORDER
 from sim.views.frames.annotation import annotate, find_marks
-from sim.views.scene import find_half_axes, looks_down, mark_track
+from sim.views.frames.frame_facts import FrameFacts, make_frame_facts
+from sim.views.palette import PANEL, PAPER, uav_colour
+from sim.views.scene import find_half_axes, looks_down
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Image
 
@@ -114,7 +115,7 @@ def _draw_panel(sight: FrameFacts, notes: list[str], whole: dict[int, int], show
     lines, bottom = lay_out_groups(_make_sections(sight, notes, whole), _WIDTH - 28, 44.0)
     marks = find_marks(shown)
     image = np.full((max(height, round(bottom) + len(marks) * MARK), _WIDTH, 3), PANEL, dtype=np.uint8)
-    write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
+    write(image, f"{sight.time:.1f} s", (14, 22), _TITLE)
     write(image, f"UAV {sight.uav}", (_WIDTH - 14, 22), _TITLE, align=1.0)
     for text, y, style in lines:
         write(image, text, (14, y), style)
@@ -127,9 +128,9 @@ def _draw_panel(sight: FrameFacts, notes: list[str], whole: dict[int, int], show
 
 def _make_sections(sight: FrameFacts, notes: list[str], whole: dict[int, int]) -> list[TextGroup]:
     tracks = [
-        f"track {mark_track(track, track.id).name}: ± {major:.2f} × {minor:.2f} m"
-        for track in sight.snapshot.tracks[sight.uav]
-        for minor, major in [find_half_axes(track.belief.covariance[:2, :2])[0].tolist()]
+        f"track {track.name}: ± {major:.2f} × {minor:.2f} m"
+        for track in sight.tracks
+        for minor, major in [find_half_axes(track.covariance)[0].tolist()]
     ]
     return [
         TextGroup("mission", notes),
@@ -143,7 +144,7 @@ def _describe_people(sight: FrameFacts, whole: dict[int, int]) -> list[str]:
     """Lines about people: those in the view one by one, the others together."""
     near = [sighting for sighting in sight.people if sighting.in_image]
     lines = _shorten([_describe_sighting(sighting, whole.get(sighting.person)) for sighting in near])
-    for status in ("outside the view", "absent"):
+    for status in ("out of view", "absent"):
         others = [str(sighting.person) for sighting in sight.people if sighting.status == status]
         lines += [f"{status}: {', '.join(others)}"] if others else []
     return lines
@@ -151,13 +152,9 @@ def _describe_people(sight: FrameFacts, whole: dict[int, int]) -> list[str]:
 
 def _describe_sighting(sighting: Sighting, whole: int | None) -> str:
     text = f"person {sighting.person}: {sighting.status}"
-    if not sighting.looked:
-        return text
-    if sighting.pixels and whole:
+    if sighting.looked and sighting.pixels and whole:
         text += f", {sighting.pixels} px, {100 * sighting.pixels / whole:.0f} % visible"
-    if sighting.detected:
-        return text + (", detected" if whole else ", measured")
-    return text + (", missed" if sighting.pixels else "")
+    return text
 
 
 def _shorten(lines: list[str]) -> list[str]:

@@ -10,8 +10,7 @@ from sim.facts.event import IDENTITIES, assign_lanes
 from sim.facts.flight import Flight
 from sim.facts.metrics.holding import HOLDS
 from sim.mission.recording import Recording
-from sim.views.drawing.palette import HELD, ORANGE, UAV_COLOURS, format_css
-from sim.views.timeline import (
+from sim.views.drawing.timeline import (
     UNMATCHED_SHADES,
     WORST_FIRST,
     Stretch,
@@ -22,12 +21,11 @@ from sim.views.timeline import (
     list_views,
     name_shades,
 )
+from sim.views.palette import HELD, ORANGE, UAV_COLOURS, format_css
 from tracking.errors import list_numbers
 from tracking.numerics.arrays import Indices
 
 MOST_SCANS = 1500  # shown on a page
-_FEW = 12  # people; more have short names
-_UNHELD = {"off": "off the track", "lost": "lost"}  # words for people whom no UAV holds
 _LIST_CLASSES = {"lost": "lost", "not found yet": "unfound"}
 
 
@@ -96,7 +94,7 @@ def _tell_holders(tracks: Indices, hold: str, fleet: int) -> str:
     for i in np.flatnonzero(tracks >= 0).tolist():
         holding.setdefault(int(tracks[i]), []).append(i)
     if not holding:
-        return _UNHELD.get(hold, "not found yet")
+        return hold
     whose = {track: "all" if fleet > 1 and len(own) == fleet else list_numbers("UAV", own)
              for track, own in holding.items()}  # fmt: skip
     return ", ".join(f"track {track} of {owners}" for track, owners in whose.items())
@@ -118,14 +116,11 @@ def make_timeline(flight: Flight, shown: Shown) -> dict[str, Any]:
             for s in stretches
         ]
 
-    def name(m: int, uavs: Sequence[int]) -> str:
-        return (str(m) if recording.person_count > _FEW else f"person {m}") + list_in_brackets(uavs) * bracketed
-
     return {
         "bracketed": bracketed,
         "rows": [
             {
-                "name": name(m, uavs),
+                "name": f"person {m}{list_in_brackets(uavs) * bracketed}",
                 "lanes": [bars(list_views(cameras[:, i, m], i)) for i in uavs],
                 "holds": bars(list_holds(holds[:, m])),
             }

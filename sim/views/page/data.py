@@ -10,14 +10,22 @@ from numpy.typing import ArrayLike
 
 from sim.facts.flight import Flight
 from sim.facts.metrics.fleet_facts import average_ospa
-from sim.views.drawing import palette
+from sim.views import palette
 from sim.views.drawing.layout import Parts
-from sim.views.drawing.palette import BLUE, INK, LOST, VERMILLION, format_css
 from sim.views.page.charts import Table, choose_shown, list_people_now, make_chart_legend, make_timeline
-from sim.views.scene import MARGIN, TRAIL, PersonLook, Scene, UavMark, find_half_axes, find_person_look, make_scenes
+from sim.views.palette import BLUE, VERMILLION, format_css
+from sim.views.scene import (
+    MARGIN,
+    PEOPLE_LOOKS,
+    PersonLook,
+    Scene,
+    TreeMark,
+    UavMark,
+    find_half_axes,
+    make_scenes,
+    mark_trees,
+)
 from tracking.numerics.arrays import Array
-
-_FEW = 8  # people; more have short names on the map
 
 
 def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
@@ -30,21 +38,19 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     shown = choose_shown(recording)
     rate = scenario.rates.sensing / shown.stride
     scenes = list(islice(make_scenes(recording, flight.people.hold_states), 0, None, shown.stride))
-    looks = {name: Table() for name in ("uavs", "people", "tracks", "rows")}
-    trees = recording.forest.trees
+    looks = {name: Table() for name in ("uavs", "people", "tracks", "trails", "rows")}
+    trees = mark_trees(recording.forest)
+    paths, trails = _list_trails(scenes, shown.stride, looks["trails"])
     errors = recording.errors[shown.every]
     timeline = make_timeline(flight, shown)
     return {
         "labelled": recording.labelled,
+        "crowd": scenes[0].crowd,
         "area": [scenario.area.width, scenario.area.height],
         "margin": MARGIN,
         "rate": rate,
-        "trail": round(TRAIL * rate),
         "times": _round(recording.times[shown.every], 3),
-        "trees": [
-            [*_round([t.x, t.y, t.canopy_radius, t.trunk_radius, t.cover]), _tell_tree(n, t.canopy_radius, t.cover)]
-            for n, t in enumerate(trees)
-        ],
+        "trees": [_list_tree(tree) for tree in trees],
         "names": {
             "people": [f"person {m}" for m in range(recording.person_count)],
             "uavs": [f"UAV {i}" for i in range(recording.uav_count)],
@@ -52,13 +58,16 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "people": [_list_people(scene, recording.person_count, looks["people"]) for scene in scenes],
         "uavs": [[_list_uav(uav, scene.poses_err, looks["uavs"]) for uav in scene.uavs] for scene in scenes],
         "tracks": [_list_tracks(scene, looks["tracks"]) for scene in scenes],
+        "paths": paths,
+        "trails": trails,
+        "detections": [_round([mark.place for mark in scene.detections]) for scene in scenes],
         "owner": [-1 if scene.owner is None else scene.owner for scene in scenes],
         "now": list_people_now(flight, shown, looks["rows"]),
         "ospa": _put_nulls(errors[:, :, 0]),
         "mean": _put_nulls(average_ospa(errors)[:, :1].T)[0],
         "lines": [[format_css(palette.uav_colour(i)), palette.uav_dashes(i)] for i in range(recording.uav_count)],
         "timeline": timeline,
-        "map_legend": _make_map_legend(scenes, [tree.cover for tree in trees]),
+        "map_legend": _make_map_legend(scenes, [tree.solid.cover for tree in trees]),
         "chart_legend": make_chart_legend(flight, timeline["shades"]),
         "looks": {name: list(table) for name, table in looks.items()},
         "colours": list_colours(),
@@ -66,27 +75,49 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     }
 
 
-def _tell_tree(number: int, radius: float, cover: float) -> str:
-    hides = f", hides {round(100 * cover)} % from above" if cover < 1.0 else ""
-    return f"tree {number}, canopy of {round(radius, 2):g} m radius{hides}"
+def _list_tree(tree: TreeMark) -> list[Any]:
+    """x, y, radius [m], share of the ground below that is hidden, colour, colour of the edge, and words."""
+    _, x, y, radius, *_ = tree.solid
+    hides = f", hides {round(100 * tree.solid.cover)} % from above" if tree.solid.cover < 1.0 else ""
+    words = f"tree {tree.tree}, {tree.solid.part} of {round(radius, 2):g} m radius{hides}"
+    edge = format_css(palette.CANOPY_EDGE) if tree.is_crown else None
+    return [*_round([x, y, radius, tree.solid.cover]), format_css(tree.colour), edge, words]
 
 
 def _list_people(scene: Scene, people: int, looks: Table) -> list[list[float] | None]:
     """Look, x, y [m] and heading [rad] of each person; a look has label, its colour, and that of `find_person_look`."""
     found: list[list[float] | None] = [None] * people
     for person in scene.people:
-        named = {"lost": LOST, "not found yet": INK}.get(person.hold)
-        label = str(person.number) if people > _FEW else person.name
-        look = looks.index_of((label, named and format_css(named), *_format_look(person.look)))
+        look = looks.index_of((person.name, person.named and format_css(person.named), *_format_look(person.look)))
         found[person.number] = [look, *_round([*person.place, person.heading])]
     return found
+
+
+def _list_trails(scenes: Sequence[Scene], stride: int, looks: Table) -> tuple[list[Any], list[Any]]:
+    """The path of each person and track that has trails: places (N, 2) m; and for each scan, parts of paths as trails.
+
+    A trail has a look (its colour, and whether it is of a track), the number of its path, and two indices into that.
+    """
+    known, paths, rows = Table(), list[list[Any]](), list[list[list[int]]]()
+    for scene in scenes:
+        rows.append([])
+        present = {person.number for person in scene.people}
+        for trail in (trail for trail in scene.trails if len(trail.places)):
+            number = known.index_of((trail.of_track, trail.number))
+            if number == len(paths):
+                paths.append([])
+            paths[number] += [_round(trail.places[-1])] * (trail.of_track or trail.number in present)
+            until = len(paths[number])
+            look = looks.index_of((format_css(trail.colour), trail.of_track))
+            rows[-1].append([look, number, max(until - -(-len(trail.places) // stride), 0), until])
+    return paths, rows
 
 
 def _list_uav(uav: UavMark, poses_err: bool, looks: Table) -> list[Any]:
     """Look, x, y, z [m], outlines of the view and the believed view, if it differs, and intent without its start."""
     tip = f"{uav.name}, {{}} m up" if uav.works else uav.name.replace(":", ",")
     trouble = uav.trouble and format_css(uav.trouble)
-    look = looks.index_of((uav.name, format_css(uav.colour), uav.dashes, trouble, tip))
+    look = looks.index_of((uav.name, format_css(uav.colour), uav.dashes, trouble, tip, uav.touched))
     believed = uav.believed_view if poses_err else None
     intent = None if uav.intent is None else uav.intent[1:]
     outlines = [None if line is None else _round(line.ravel()) for line in (uav.view, believed, intent)]
@@ -118,18 +149,17 @@ def _make_map_legend(scenes: Sequence[Scene], covers: Sequence[float]) -> list[l
     """What the map shows at some scan: text, kind of the mark, and its look."""
     people = [person for scene in scenes for person in scene.people]
     uavs = [uav for scene in scenes for uav in scene.uavs]
-    views, holds = {person.view for person in people}, {person.hold for person in people}
+    states = {state for person in people for state in (person.view, person.hold)}
+    states |= {"person"} if states & {"seen", "missed"} else set()
     sparsest = min(covers, default=1.0)
     marks: list[tuple[str, str, Any, bool]] = [("porous tree", "tree", sparsest, sparsest < 1.0)]
-    for text, view in (("person", "seen"), ("hidden", "hidden"), ("outside every view", "out of view")):
-        marks.append((text, "person", _format_look(find_person_look(view, "held")), view in views))
-    for hold in ("lost", "not found yet"):
-        marks.append((hold, "person", _format_look(find_person_look("seen", hold)), hold in holds))
+    marks += [(text, "person", _format_look(look), text in states) for text, look in PEOPLE_LOOKS.items()]
     marks += [
         ("track, 95 %", "track", format_css(VERMILLION), any(uav.tracks for uav in uavs)),
         ("view of a UAV", "view", format_css(BLUE), any(uav.view is not None for uav in uavs)),
         ("view as believed", "believed", format_css(BLUE), any(scene.poses_err for scene in scenes)),
         ("intent", "intent", format_css(BLUE), any(uav.intent is not None for uav in uavs)),
+        ("detection", "detection", None, any(scene.detections for scene in scenes)),
     ]
     return [[text, kind, look] for text, kind, look, drawn in marks if drawn]
 

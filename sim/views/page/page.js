@@ -184,6 +184,7 @@ const MARKS = {
   view: (ctx) => ctx.strokeRect(5, 3, 16, 14),
   believed: (ctx) => { ctx.lineWidth = 1; ctx.setLineDash([3, 3]); ctx.strokeRect(5, 3, 16, 14); },
   intent: (ctx, colour) => { ctx.lineWidth = 2.5; ctx.setLineDash([2, 4]); stroke(ctx, [[2, 10], [18, 10]]); ctx.setLineDash([]); ring(ctx, 21, 10, 3.5, colour, 2); },
+  detection: (ctx) => drawDetection(ctx, 13, 10, 7),
   box: (ctx) => ctx.fillRect(2, 4, 22, 12),
   thin: (ctx) => ctx.fillRect(2, 8, 22, 3),
   diamond: (ctx) => diamond(ctx, 13, 10),

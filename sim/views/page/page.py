@@ -28,9 +28,10 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_value, list_changes
 from sim.scenario.uavs import Uav
 from sim.views.drawing.film import HEIGHT, WIDTH, lay_out_parts
+from sim.views.drawing.redrawn_film import shrink_film
 from sim.views.page.charts import Shown, choose_shown
 from sim.views.page.data import list_colours, make_page_data
-from sim.views.redrawn_film import shrink_film
+from sim.views.scene import mark_trees
 from tracking.errors import InputError, spell
 from tracking.fusion.member import TRACKERS
 
@@ -161,7 +162,7 @@ def _list_facts(recording: Recording) -> Iterable[tuple[str, str]]:
     if name := _find_packaged_name(scenario):
         yield "scenario", name
     yield "flown", f"{recording.times[-1]:g} s, {scenario.rates.sensing} scans a second"
-    crowns = [solid for solid in recording.forest.solids if solid.part != "trunk"]
+    crowns = [tree.solid for tree in mark_trees(recording.forest) if tree.is_crown]
     porous = [crown.leaf_area_density for crown in crowns if crown.is_porous]
     leaves = f", leaf area {_format_span(porous)}²/m³ in {len(porous)}" if porous else ""
     canopies = f", canopies of {_format_span(crown.radius for crown in crowns)}{leaves}" if crowns else ""

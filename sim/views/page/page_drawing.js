@@ -63,8 +63,9 @@ function reserve(x, y, reach) {
   names.marks.push([x - reach, y - reach, x + reach, y + reach]);
 }
 
-function want(text, x, y, colour, gap, sides = SIDES) {
-  names.wanted.push({ text, x, y, colour, gap, sides });
+// A name that is not needed is left out where it would cover much, as in films.
+function want(text, x, y, colour, gap, { sides = SIDES, needed = true } = {}) {
+  names.wanted.push({ text, x, y, colour, gap, sides, needed });
 }
 
 // The name of a view, outside it at the corner where the least of the name lies in other views or beyond the canvas.
@@ -77,7 +78,7 @@ function wantOutside(ctx, text, view, others, colour) {
     return { x, y, least, sides: sides.filter((_, n) => costs[n] === least) };
   });
   const { x, y, sides } = choices.reduce((one, other) => (other.least < one.least ? other : one));
-  want(text, x, y, colour, 1, sides);
+  want(text, x, y, colour, 1, { sides });
 }
 
 // Left, top, right, bottom of a name on a side of its mark.
@@ -98,12 +99,13 @@ function covered(ctx, box, others) {
 
 function writeNames(ctx) {
   const taken = names.marks;
-  for (const { text, x, y, colour, gap, sides } of names.wanted) {
+  for (const { text, x, y, colour, gap, sides, needed } of names.wanted) {
     const boxes = sides.flatMap((side) => [gap, gap + 16].map((away) => {
       const box = boxOf(ctx, text, x, y, side, away);
       return { box, cost: away + covered(ctx, box, taken) };
     }));
-    const { box } = boxes.reduce((one, other) => (other.cost < one.cost ? other : one));
+    const { box, cost } = boxes.reduce((one, other) => (other.cost < one.cost ? other : one));
+    if (!needed && cost > gap + 20) continue;
     write(ctx, text, (box[0] + box[2]) / 2, (box[1] + box[3]) / 2, colour, "center");
     taken.push(box);
   }

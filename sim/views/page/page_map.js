@@ -44,6 +44,7 @@ function drawMap() {
   data.people[k].forEach((person, m) => person && notePerson(person, m));
   writeNames(ctx);
   for (const person of data.people[k]) if (person) drawPerson(ctx, person);
+  for (const [x, y] of data.detections[k]) drawDetection(ctx, px(x), py(y), 4);
   drawScale(ctx, canvas.clientWidth - 10, canvas.clientHeight - 9);
 }
 
@@ -67,12 +68,11 @@ function drawGround(ctx) {
   ctx.strokeStyle = colours.faint;
   ctx.lineWidth = 1;
   ctx.strokeRect(px(-w), py(h), 2 * w * map.scale, 2 * h * map.scale);
-  for (const [x, y, canopy, trunk, cover] of data.trees) {
-    ctx.globalAlpha = 0.6 * cover;
-    disc(ctx, px(x), py(y), canopy * map.scale, colours.canopy);
+  for (const [x, y, radius, cover, colour, edge] of data.trees) {
+    ctx.globalAlpha = edge ? 0.6 * cover : 1;
+    disc(ctx, px(x), py(y), edge ? radius * map.scale : Math.max(radius * map.scale, 1.8), colour);
     ctx.globalAlpha = 1;
-    ring(ctx, px(x), py(y), canopy * map.scale, colours.canopy_edge, 1);
-    disc(ctx, px(x), py(y), Math.max(trunk * map.scale, 1.8), colours.trunk);
+    if (edge) ring(ctx, px(x), py(y), radius * map.scale, edge, 1);
   }
 }
 
@@ -105,13 +105,20 @@ function drawView(ctx, { look, view }) {
   ctx.setLineDash([]);
 }
 
+// Trails of people, and those of the tracks on the scene's map.
 function drawTrails(ctx, k) {
-  ctx.strokeStyle = colours.faint;
   ctx.lineWidth = 1;
-  data.people[k].forEach((_, m) => {
-    const past = data.people.slice(Math.max(0, k - data.trail), k + 1).map((row) => row[m]);
-    line(ctx, past.filter(Boolean).map(([, x, y]) => [x, y]));
-  });
+  for (const [look, path, first, until] of data.trails[k]) {
+    const [colour, ofTrack] = data.looks.trails[look];
+    if (ofTrack && trackOwner(k) !== data.owner[k]) continue;
+    ctx.strokeStyle = colour;
+    line(ctx, data.paths[path].slice(first, until));
+  }
+}
+
+function drawDetection(ctx, u, v, reach) {
+  ring(ctx, u, v, reach, colours.ink, 4);
+  ring(ctx, u, v, reach, colours.detection, 2);
 }
 
 function drawIntent(ctx, { look, x, y, intent }) {
@@ -134,7 +141,7 @@ function bounds(view) {
 
 // Named at a corner of its view, if that has one.
 function drawUav(ctx, { look, x, y }, view, others) {
-  const [name, colour, , trouble] = look;
+  const [name, colour, , trouble, , touched] = look;
   const [u, v] = [px(x), py(y)];
   for (const [ink, width] of [[colours.panel, 5], [colour, 2.4]]) {
     ctx.strokeStyle = ink;
@@ -148,6 +155,10 @@ function drawUav(ctx, { look, x, y }, view, others) {
     for (const way of [1, -1]) stroke(ctx, [[u - 13, v - 13 * way], [u + 13, v + 13 * way]]);
   }
   reserve(u, v, 8);
+  if (touched) {
+    ring(ctx, u, v, 15, colours.alarm, 3);
+    want(`touched ${touched}`, u, v, colours.alarm, 16);
+  }
   if (view) wantOutside(ctx, name, view, others, colour);
   else want(name, u, v, trouble ? colours.ink : colour, trouble ? 14 : 10);
 }
@@ -167,7 +178,7 @@ function drawTrack(ctx, [look, x, y, a, b, turn]) {
     }
   }
   reserve(px(x), py(y), 6);
-  want(name, px(x), py(y), colour, 8);
+  want(name, px(x), py(y), colour, 8, { needed: !data.crowd });
 }
 
 // A disc with a line ahead, hollow if something hides the person, in a ring of the colour of the trouble.
@@ -183,7 +194,8 @@ function personMark(ctx, u, v, turn, [colour, hollow, trouble], reach = 11) {
 function notePerson([look, x, y], m) {
   const [label, named] = data.looks.people[look];
   reserve(px(x), py(y), 10);
-  if (named || state.person === m) want(label, px(x), py(y), named || colours.ink, 12);
+  const chosen = state.person === m;
+  if (named || chosen) want(label, px(x), py(y), named || colours.ink, 12, { needed: chosen || !data.crowd });
 }
 
 function drawPerson(ctx, [look, x, y, heading]) {
@@ -207,8 +219,8 @@ function named(u, v) {
   }
   const near = found.filter(([gap]) => gap < 12).sort((one, other) => one[0] - other[0])[0];
   if (near) return near[1];
-  const t = data.trees.findIndex(([x, y, r]) => Math.hypot(px(x) - u, py(y) - v) < r * map.scale);
-  return t < 0 ? "" : data.trees[t][5];
+  const tree = data.trees.find(([x, y, r]) => Math.hypot(px(x) - u, py(y) - v) < r * map.scale);
+  return tree ? tree[6] : "";
 }
 
 function line(ctx, points) {

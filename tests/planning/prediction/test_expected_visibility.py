@@ -19,6 +19,14 @@ PLACES = [(0, 0), (8, 0), (10, 3), (11, -2), (12, 0), (14, 5), (9, 9), (11, 11),
 TREES = (Tree(6.0, 3.0), Tree(-5.0, -8.0))
 
 
+def covariances(noise, offsets):
+    """R (N, 2, 2) m² of targets at these offsets (N, 2) m from the camera."""
+    distances = np.hypot(*offsets.T)
+    ahead, r = offsets / distances[:, None], np.maximum(distances, noise.minimum_range)
+    along, across = ((c[0] + r * (c[1] + r * c[2]))[:, None, None] for c in (noise.radial, noise.tangential))
+    return across * np.eye(2) + (along - across) * ahead[:, :, None] * ahead[:, None]
+
+
 def monte_carlo(situation, controls, rng):
     """Sum over steps of the expected trace, over targets drawn from belief and motion model."""
     (track,), motion = situation.tracks, situation.motion
@@ -33,7 +41,7 @@ def monte_carlo(situation, controls, rng):
         for v, p in zip(situation.vehicles, positions, strict=True):
             camera = np.array([*p, v.position[2]])
             seen = v.camera.sees(Pose(camera, v.attitude), points) & situation.forest.visible(camera, points)[0]
-            R = np.array([v.noise.covariance(p, point[:2]) for point in points[seen]]).reshape(-1, 2, 2)
+            R = covariances(v.noise, points[seen, :2] - p)
             gain = P[seen][:, :, :2] @ np.linalg.inv(P[seen][:, :2, :2] + R)
             P[seen] -= gain @ P[seen][:, :2]
         total += np.trace(P[:, :2, :2], axis1=1, axis2=2).mean()

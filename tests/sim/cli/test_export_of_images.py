@@ -36,8 +36,10 @@ def test_recordings_are_split_by_their_seeds(call, runs, tmp_path):
         "train": [0], "test": [1, 2]
     }  # fmt: skip
     assert {split: count for split, (_, count) in made.items()} == {"train": 2 * 3, "test": 2 * 2 * 3}
-    assert call("export", "a", "--to", "yolo")[0] == 0
-    assert (tmp_path / "a" / "export-yolo" / "data.yaml").read_text() == "train: images/train\nnames:\n  0: person\n"
+    code, _, told = call("export", "a", "--to", "yolo")
+    assert code == 0 and "--val: names no seed, so val of data.yaml has no images of its own" in told
+    splits = "train: images/train\nval: images/train  # it has none of its own\n"
+    assert (tmp_path / "a" / "export-yolo" / "data.yaml").read_text() == f"{splits}names:\n  0: person\n"
 
 
 def test_scenarios_are_flown_with_seeds_in_random_appearance(call):

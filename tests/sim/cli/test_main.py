@@ -3,6 +3,7 @@
 import errno
 import re
 from importlib.metadata import version
+from io import BytesIO, TextIOWrapper
 
 import pytest
 from helpers.flown_pages import eventful
@@ -16,6 +17,7 @@ from sim.mission.archive import save
 from sim.scenario.loading import SCENARIOS
 from sim.study.definition import STUDIES
 from sim.terminal.commands import load_command, run_command_line
+from sim.terminal.console import say
 
 AILING = """
 class Ailing:
@@ -119,6 +121,20 @@ def test_a_mission_is_explained_by_its_losses_and_a_person_scan_by_scan(call, tm
     assert told == [[when, text] for when, text in zip(times, texts, strict=True)]
     assert "All of person 0: understory explain . --target 0\n" in out
     assert "  lost  " not in out and "  lost  " in call("explain", ".", "--target", "0")[1]
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp437", "cp1251", "latin-1", "utf-8"])
+def test_a_character_that_the_terminal_does_not_have_is_replaced(call, tmp_path, monkeypatch, encoding):
+    save(eventful(), tmp_path / "mission.npz")
+    with monkeypatch.context() as terminal:
+        out = TextIOWrapper(BytesIO(), encoding=encoding)
+        terminal.setattr("sys.stdout", out)
+        assert call("explain", ".", "--target", "0", "--time", "0.4")[0] == 0
+        run_command_line(lambda **given: say("NEES of 3 σ² – 林"))
+        out.flush()
+        told = out.buffer.getvalue().decode(encoding).splitlines()
+    assert told[0] == "person 0 at 0.4 s" and told[-1].startswith("NEES of 3 ")
+    assert ("林" in told[-1]) == (encoding == "utf-8")
 
 
 def test_help_imports_nothing_heavy(tmp_path):

@@ -350,6 +350,23 @@ def test_actions_of_uavs_that_have_broken_down_are_ignored():
     assert dead == set(env.possible_agents)
 
 
+@pytest.mark.parametrize("scaled", [False, True])
+def test_a_planner_observes_what_the_environments_show(scaled):
+    settings, seen = {**IDEAL, "uavs.1.fails_at": 0}, {"tracks": 4, "trees": 3, "flat": True, "scaled": scaled}
+    situations = understory.mission("forest", seed=1, settings=settings).team
+    subject = understory.Observations(2, **seen)
+    each, team = (
+        understory.parallel_env("forest", settings=settings, observe=seen),
+        TEAM(settings=settings, observe=seen),
+    )
+    told, vector = each.reset(seed=1)[0], team.reset(seed=1)[0]
+    assert [s.own.id for s in situations] == [0, 2]
+    for situation in situations:
+        np.testing.assert_array_equal(subject.of(situation), told[f"uav_{situation.own.id}"])
+    np.testing.assert_array_equal(subject.of_team(situations), vector)
+    assert team.observation_space.contains(vector) and (np.abs(vector).max() <= 1.0) == scaled
+
+
 def test_a_flat_observation_is_all_arrays_one_after_another_in_order_of_their_names():
     many, flat = (understory.parallel_env("forest", settings=IDEAL, observe={"flat": f}) for f in (False, True))
     for observations, vectors in [(many.reset(seed=1)[0], flat.reset(seed=1)[0])]:

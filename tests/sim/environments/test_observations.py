@@ -67,6 +67,19 @@ def test_own_state_and_neighbours_come_with_their_velocities(teams):
                 np.testing.assert_allclose(row[:5], [*(vehicle.position - own.position), *flown], rtol=1e-6, atol=1e-6)
 
 
+def test_scaled_rows_are_the_same_in_units_of_area_speed_and_minutes_and_cut_off(teams):
+    for situation in (s for team in teams for s in team):
+        plain, scaled = (Observations(2, scaled=given).of(situation) for given in (False, True))
+        half, top = max(situation.area) / 2, situation.own.max_speed
+        units = {"own": [half, half, half, top, top, half], "trees": [half] * 3, "undetected": 1.0}
+        units |= {"tracks": [half, half, top, top, 100, 100, 100, 1, 60], "neighbours": [half] * 3 + [top, top, half]}
+        assert plain.keys() == scaled.keys()
+        for name, array in plain.items():
+            expected = np.clip(array / units.get(name, 1.0), -1.0, 1.0)
+            np.testing.assert_allclose(scaled[name], expected, rtol=1e-6, atol=1e-7)
+            assert scaled[name].dtype == array.dtype
+
+
 def test_a_track_that_tells_no_sighting_is_unseen_since_the_start(teams):
     track = Track(0, Gaussian(np.zeros(4), np.eye(4)))
     assert math.isnan(track.sighting[2])

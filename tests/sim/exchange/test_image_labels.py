@@ -33,6 +33,17 @@ def test_boxes_become_places_in_the_frames_of_their_images(tmp_path):
     np.testing.assert_allclose(log.observed[2, 0].scan.measurements, place, atol=1e-9)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
+def test_json_of_any_program_is_read(tmp_path, encoding):
+    images = [{**image, "file_name": "Wäldchen.png"} for image in IMAGES]
+    folder = write(tmp_path, images, [{"image_id": 5, "bbox": [300, 200, 10, 30]}])
+    for name in ("images.json", "results.json"):
+        path = folder / name
+        text = json.dumps(json.loads(path.read_text()), ensure_ascii=False)
+        path.write_bytes(text.encode(encoding))
+    assert len(read_flight(folder).observed[2, 0].scan.measurements) == 1
+
+
 WRONG = {
     "unknown image": (IMAGES, [{"image_id": 99, "bbox": [1, 2, 3, 4]}], "image_id 99 is not in images.json"),
     "no time": ([{"id": 1, "width": 9, "height": 9}], [], "images.json: Object missing required field `time_s`"),

@@ -2,14 +2,17 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 from helpers.flights import filmed, recorded
 
 from sim.exchange.export import write_labelled_images
-from sim.exchange.image_labels import read_coco
+from sim.exchange.image_labels import read_coco, write_yolo
+from sim.exchange.values import SPLITS
 from sim.facts.rerender import Rerenderer
 from sim.scenario.uavs import Uav
 from sim.sensing.renderer import Renderer
@@ -75,6 +78,31 @@ def test_boxes_and_areas_are_those_of_the_masks_by_pycocotools(out):
         code = coco.annToRLE(annotation)
         assert annotation["bbox"] == runs.toBbox(code).tolist() and annotation["area"] == runs.area(code)
         assert annotation["iscrowd"] == 0 and coco.cats[annotation["category_id"]]["name"] == "person"
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_labels_of_a_single_split_have_what_their_tools_want(flights, tmp_path, split):
+    for target in ("yolo", "coco"):
+        write_labelled_images(flights[0][1:], target, tmp_path / target, splits={5: split}, every=5)
+    data = yaml.safe_load((tmp_path / "yolo" / "data.yaml").read_text())
+    assert data == {"names": {0: "person"}, **dict.fromkeys({"train", "val", split}, f"images/{split}")}
+    load(tmp_path / "coco" / "annotations" / f"instances_{split}.json").info()
+
+
+@pytest.mark.parametrize("size", [(128, 128), (640, 480), (333, 1001), (4000, 3000)])
+def test_boxes_of_yolo_stay_inside_the_image(tmp_path, size):
+    width, height = size
+    spans = [[(0, n) for n in (1, 2, 5, 7)] + [(edge - n, n) for n in (1, 3, 7)] + [(0, edge)] for edge in size]
+    boxes = [(left, top, w, h) for left, w in spans[0] for top, h in spans[1]]
+    people = [SimpleNamespace(box=box) for box in boxes]
+    camera = SimpleNamespace(size=np.array(size))
+    write_yolo([SimpleNamespace(split="train", name="a", people=people, camera=camera)], tmp_path)
+    rows = [line.split()[1:] for line in (tmp_path / "labels" / "train" / "a.txt").read_text().splitlines()]
+    for kind in (np.float64, np.float32):
+        middles, halves = np.array(rows, dtype=kind)[:, :2], np.array(rows, dtype=kind)[:, 2:] / 2
+        assert (middles - halves).min() >= 0 and (middles + halves).max() <= 1
+        pixels = np.hstack([middles - halves, 2 * halves]) * np.array([width, height] * 2)
+        np.testing.assert_allclose(pixels, boxes, atol=0.01)
 
 
 @pytest.mark.parametrize("kind", ["bbox", "segm"])
@@ -183,7 +211,9 @@ def test_each_file_lists_its_flights(flights, out):
 
 
 def test_yolo_has_the_boxes_of_coco_in_shares_of_the_image(out):
-    assert (out / "yolo" / "data.yaml").read_text() == ("train: images/train\ntest: images/test\nnames:\n  0: person\n")
+    data = yaml.safe_load((out / "yolo" / "data.yaml").read_text())
+    splits = {"train": "images/train", "test": "images/test", "val": "images/train"}  # its tools want one for `val`
+    assert data == {**splits, "names": {0: "person"}}
     for split in ("train", "test"):
         coco = load(out / "coco" / "annotations" / f"instances_{split}.json")
         folder = out / "yolo" / "labels" / split

@@ -124,6 +124,8 @@ def test_boxes_in_wide_images_become_places_on_the_ground(tmp_path):
         ({"det": "0,1,1,1,5,5,1\n"}, "line 1, column frame: 0 is not allowed; frames count from 1"),
         ({"det": "1,1,1,1,-1,-1,1\n"}, "line 1, column width: a box of -1 × -1 pixels is none, and there is no place"),
         ({"gt": "1,1,1,1,5,5,1\n1,1,1,1,5,5,1\n"}, "line 2, column id: 1 has another row of this frame in line 1"),
+        ({"det": "1e9,1,1,1,5,5,1\n"}, "frame: 1000000000 is not allowed; frames count from 1"),
+        ({"info": INFO.replace("1080", "high")}, "seqinfo.ini: imheight is no number from 0 to"),
         ({"info": "[Sequence]\nseqLength=5\n"}, "seqinfo.ini: frameRate is missing"),
     ],
 )

@@ -3,6 +3,7 @@
 import json
 import sys
 from collections import defaultdict
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -16,29 +17,36 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from sim.exchange.export import export
+from sim.exchange.scanned_flight import read_flight
 from sim.facts.flight import Flight
 from sim.facts.metrics.metric import Outcome
 from sim.facts.rerender import Rerenderer
 from sim.mission.archive import save
+from sim.scenario.text_files import read_toml
 from tracking.errors import InputError
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import at_target_height
 
+START = 10**9  # ns, stamp of the start: ROS takes a stamp of 0 for none
 BROKEN_AT = 8  # the scan, of UAV 2
 OVERRIDES = ("trees.density=75", "uavs.2.fails_at=1.5", "uavs.1.rate=1", "uavs.1.mount=body", "uavs.1.tilt_deg=20")
 
 
-def read(folder):
-    """Messages by topic, as pairs of time [s] and message; names of types, and metadata, by topic."""
-    messages, kinds, metadata, last = defaultdict(list), {}, {}, 0
+def read(folder, topics=None):
+    """Messages by topic, as pairs of the mission's time [s] and message; names of types, and metadata, by topic.
+
+    topics: those to read; None reads all.
+    """
+    messages, kinds, metadata, last = defaultdict(list), {}, {}, START
     with (folder / "bag" / "bag.mcap").open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         expected = reader.get_summary().statistics.message_count
-        for schema, channel, message, decoded in reader.iter_decoded_messages():
+        for schema, channel, message, decoded in reader.iter_decoded_messages(topics):
             assert message.log_time >= last
             last = message.log_time
-            messages[channel.topic].append((message.log_time / 1e9, decoded))
+            messages[channel.topic].append(((message.log_time - START) / 1e9, decoded))
             kinds[channel.topic], metadata[channel.topic] = schema.name, channel.metadata
-    assert sum(map(len, messages.values())) == expected
+    assert topics or sum(map(len, messages.values())) == expected
     return messages, kinds, metadata
 
 
@@ -60,7 +68,7 @@ def bag(folder):
 
 
 def seconds(stamp):
-    return (stamp.sec * 10**9 + stamp.nanosec) / 1e9
+    return (stamp.sec * 10**9 + stamp.nanosec - START) / 1e9
 
 
 def row(place, turn):
@@ -75,8 +83,10 @@ def test_all_messages_decode_with_standard_types_and_stamps_of_their_times(bag):
         times = [time for time, _ in found]
         assert times == sorted(times)
         for time, message in found:
-            if hasattr(message, "header"):
-                assert seconds(message.header.stamp) == time
+            inner = (getattr(message, name, ()) for name in ("detections", "markers", "transforms"))
+            for stamped in (message, *chain(*inner)):
+                if hasattr(stamped, "header"):
+                    assert seconds(stamped.header.stamp) == time
 
 
 def test_tf_is_a_tree_with_the_poses_of_bodies_and_cameras(recording, bag):
@@ -130,10 +140,10 @@ def test_a_uav_that_errs_tells_the_poses_that_it_believes(tmp_path):
 def test_camera_info_and_tf_project_people_onto_their_pixels(tmp_path):
     """Without trees only another person or a UAV may cover the middle of a person; K is that of OpenCV."""
     each = [f"uavs.{i}.{key}" for i in range(3) for key in ("mount=body", "tilt_deg=15", "pixels=384")]
-    crowd = ("trees.density=0", "people.count=180", "sensing.mode=ideal")
+    crowd = ("trees.density=0", "people.count=180", "sensing.mode=ideal", "tracking.initial_tracks=none")
     recording = recorded(*crowd, *each, planner="lawnmower", seed=1, duration=7)
     export(recording, "rosbag", tmp_path / "out")
-    messages, _, _ = read(tmp_path / "out")
+    messages, _, _ = read(tmp_path / "out", ["/tf", *(f"/uav{i}/camera/camera_info" for i in range(3))])
     beside, farthest = [], 0.0
     with Rerenderer(recording) as again:
         for k, (_, message) in enumerate(messages["/tf"]):
@@ -146,9 +156,9 @@ def test_camera_info_and_tf_project_people_onto_their_pixels(tmp_path):
                 image = points @ np.reshape(info.k, (3, 3)).T
                 pixels, masks = image[:, :2] / image[:, 2:] + 0.5, again.rendered(k, i).people
                 for m, (u, v) in enumerate(pixels):
-                    rows, columns = np.nonzero(masks == m)
                     inside = image[m, 2] > 0 and 0 <= u < info.width and 0 <= v < info.height
-                    if inside and len(rows) and masks[int(v), int(u)] in (m, -1):
+                    if inside and masks[int(v), int(u)] in (m, -1) and (masks == m).any():
+                        rows, columns = np.nonzero(masks == m)
                         # From a point to the nearest of the person's pixels, which are squares.
                         across = np.maximum(np.maximum(columns - u, u - columns - 1), 0)
                         down = np.maximum(np.maximum(rows - v, v - rows - 1), 0)
@@ -173,6 +183,8 @@ def test_each_frame_taken_has_its_image_and_detections(recording, bag):
                 centres = [(d.bbox.center.position.x, d.bbox.center.position.y) for d in message.detections]
                 assert centres == [tuple(pixel) for pixel in recording.pixels_at(k, i).tolist()]
                 assert all(2 < d.bbox.size_x < 64 and 2 < d.bbox.size_y < 64 for d in message.detections)
+                results = [result.hypothesis for d in message.detections for result in d.results]
+                assert [(r.class_id, r.score) for r in results] == [("person", 1.0)] * len(message.detections)
             for k, (_, message) in zip(taken, messages[f"/uav{i}/detections"], strict=True):
                 scan = recording.scan_at(k, i)
                 found = [d.results[0].pose for d in message.detections]
@@ -251,10 +263,46 @@ def test_without_truth_only_what_uavs_know_is_left(recording, folder, bag, tmp_p
     assert {*folder.rglob("*.csv")} == {folder / "trees.csv", folder / "truth.csv"}
     assert [path.name for path in (tmp_path / "out").glob("*.csv")] == ["trees.csv"]
     save(recording, tmp_path / "mission.npz")
-    for target in ("csv", "coco"):
-        code, _, told = call("export", "mission.npz", "--to", target, "--no-truth")
-        assert code == 2 and f"--no-truth: not allowed together with --to {target}; it belongs to --to rosbag" in told
+    for target, option in (("csv", ["--no-truth"]), ("coco", ["--no-truth"]), ("mot", ["--images", "png"])):
+        code, _, told = call("export", "mission.npz", "--to", target, *option)
+        assert code == 2 and f"{option[0]}: not allowed together with --to {target}; it belongs to --to rosbag" in told
+    assert "did you mean png?" in call("export", "mission.npz", "--to", "rosbag", "--images", "pn")[2]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mission.npz", "out"]
+
+
+def test_images_are_exact_as_png_and_the_noise_of_places_is_told(recording, tmp_path, call):
+    save(recording, tmp_path / "mission.npz")
+    code, _, told = call("export", "mission.npz", "--to", "rosbag", "--images", "png", "--out", "out")
+    assert code == 0 and "detections on the ground have noise, as of sensing.noise, of " in told
+    messages, _, _ = read(tmp_path / "out")
+    away = []
+    with Rerenderer(recording) as again:
+        for k, (_, message) in enumerate(messages["/uav0/camera/image/compressed"]):
+            shown = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+            assert message.format == "png" and shown.tobytes() == again.image(k, 0).tobytes()
+    for i in range(3):
+        camera = recording.setting.uavs[i].true_camera
+        for k in np.flatnonzero(recording.frames_taken[:, i]).tolist():
+            shown = camera.ground_points(recording.camera_at(k, i), recording.pixels_at(k, i), TARGET_HEIGHT)
+            away += np.linalg.norm(recording.scan_at(k, i).measurements - shown, axis=1).tolist()
+    assert float(told.partition("noise, of ")[2].split()[0]) == pytest.approx(np.median(away), rel=0.02)
+    assert np.median(away) > 0.1
+
+
+def test_a_bag_knows_the_calibration_that_the_fleet_believes(tmp_path):
+    """Views and boxes grow with the focal length that is believed; without truth no file has the true one."""
+    lens = "{width=160,height=120,focal=[175,175],believed={focal=[140,140]}}"
+    recording = recorded(f"uavs.0.camera={lens}", "trees.density=0", "tracking.initial_tracks=none", seed=2, duration=1)
+    export(recording, "rosbag", tmp_path / "out", truth=False)
+    messages, _, _ = read(tmp_path / "out")
+    assert messages["/uav0/camera/camera_info"][0][1].k[0] == 140
+    camera = recording.setting.uavs[0].believed_camera
+    corners = camera.ground_points(recording.camera_at(0, 0), camera.outline)
+    view = next(m for m in messages["/uav0/markers"][0][1].markers if m.ns == "view")
+    assert max(p.x for p in view.points) == pytest.approx(corners[:, 0].max())
+    settings = read_toml(tmp_path / "out" / "scenario.toml", "scenario")["uavs"][0]["camera"]
+    assert settings["focal"] == [140.0, 140.0] and "believed" not in settings
+    assert read_flight(tmp_path / "out").setting.uavs[0].true_camera == camera
 
 
 def test_without_the_library_an_export_says_what_to_install(recording, tmp_path, monkeypatch):

@@ -1,5 +1,7 @@
 """Oracle of `understory track`: a mission that was exported without its truth has the same tracks, byte for byte."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from helpers.flights import recorded
@@ -34,15 +36,26 @@ TRACKS = [
 ]
 
 
-@pytest.fixture(scope="module", params=MISSIONS)
-def mission(request, tmp_path_factory):
-    out = tmp_path_factory.mktemp("mission")
-    run_mission(Trial(load_scenario("forest", MISSIONS[request.param]), "greedy", 0), out / "run", video=False)
-    recording = load_recording(out / "run" / "mission.npz")
-    export(recording, "csv", out / "csv")
-    (out / "csv" / "truth.csv").unlink()
-    (out / "csv" / "tracks.csv").unlink()
-    return recording, out
+@pytest.fixture(scope="module")
+def missions(tmp_path_factory):
+    """Recording and folder of a mission by its name; each is flown once."""
+
+    @cache
+    def fly(name):
+        out = tmp_path_factory.mktemp("mission")
+        run_mission(Trial(load_scenario("forest", MISSIONS[name]), "greedy", 0), out / "run", video=False)
+        recording = load_recording(out / "run" / "mission.npz")
+        export(recording, "csv", out / "csv")
+        (out / "csv" / "truth.csv").unlink()
+        (out / "csv" / "tracks.csv").unlink()
+        return recording, out
+
+    return fly
+
+
+@pytest.fixture(params=MISSIONS)
+def mission(request, missions):
+    return missions(request.param)
 
 
 def test_a_mission_without_its_truth_has_the_same_tracks_byte_for_byte(mission):
@@ -72,14 +85,32 @@ def test_a_mission_in_a_bag_has_the_same_tracks_byte_for_byte(mission, tmp_path)
         assert not third.labelled and third.track_means.tobytes() == recording.track_means.tobytes()
 
 
-def test_flights_are_tracked_without_the_engine(mission):
-    _, out = mission
-    code = "import sys; from sim.__main__ import main; sys.argv = ['understory', 'track', 'csv', '--out', 'tracked']\n"
-    code += "try:\n    main()\nfinally:\n    assert 'pybullet' not in sys.modules"
-    done = python("-c", code, cwd=out)
+WITHOUT_ENGINE = """
+import sys
+
+sys.modules["pybullet"] = None  # so that its import fails
+import understory
+from sim.__main__ import main
+
+understory.track(f"{sys.argv[1]}/csv")
+understory.load(f"{sys.argv[1]}/run").table("losses")
+for folder in sys.argv[1:]:
+    sys.argv = ["understory", "track", f"{folder}/csv", "--out", f"{folder}/tracked"]
+    try:
+        main()
+    except SystemExit as end:
+        assert not end.code
+"""
+
+
+def test_flights_are_tracked_and_loaded_where_the_engine_is_missing(missions):
+    """In one process, as its imports take as long as a flight."""
+    flown = [missions(name) for name in MISSIONS]
+    done = python("-c", WITHOUT_ENGINE, *(out for _, out in flown))
     assert done.returncode == 0, done.stderr
-    again = load_recording(out / "tracked" / "mission.npz")
-    assert again.track_means.tobytes() == mission[0].track_means.tobytes()
+    for recording, out in flown:
+        again = load_recording(out / "tracked" / "mission.npz")
+        assert again.track_means.tobytes() == recording.track_means.tobytes()
 
 
 def test_exports_hold_the_calibration_that_the_fleet_believes(tmp_path):

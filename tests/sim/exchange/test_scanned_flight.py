@@ -99,6 +99,15 @@ def test_projected_coordinates_have_an_origin(flight):
     assert (log.setting.area.width, log.setting.area.height) == (40, 40)
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "cp1252"])
+def test_files_are_read_in_the_encodings_of_spreadsheets(flight, encoding):
+    folder = flight(cameras=["uav,fov_deg,pixels,Größe", "0,60,128,1 Stück", "1,60,128,"])
+    plain = read_flight(folder)
+    for path in folder.glob("*.csv"):
+        path.write_text(path.read_text(), encoding=encoding)
+    np.testing.assert_array_equal(read_flight(folder).poses, plain.poses)
+
+
 def test_labels_give_metrics_and_may_begin_tracks(flight):
     folder = flight(truth=["time_s,id,x_m,y_m", *walk(np.arange(0, 10.5, 0.5).tolist(), "a")])
     outcome = track_flight(read_flight(folder))
@@ -110,6 +119,56 @@ def test_labels_give_metrics_and_may_begin_tracks(flight):
     assert len(known.tracks_at(0, 0)) == 1 and len(recording.tracks_at(0, 0)) == 0
 
 
+STILL = {"poses": [PLACES[0], "0,1,2,20"], "cameras": ["fov_deg,pixels", "60,128"]}
+TIMES = [0.0, 0.1, 3.0, 4.0, 6.0, 7.0]  # s
+# Lines of poses.csv, and where its camera is at `TIMES`.
+LOGS = {
+    "a still camera": (["0,1,2,20"], [1] * 6),
+    "equal rows": (
+        ["0,1,2,20", "0,1,2,20", "0.0,1.0,2,20", "7,8,2,20", "4,5,2,20", "4,5,2,20", "2,3,2,20"],
+        [1, 1.1, 4, 5, 7, 8],
+    ),
+    "a hover": (["0,1,2,20", "6,1,2,20", "7,2,2,20"], [1, 1, 1, 1, 1, 2]),
+    "a hover with rounding": (["0,1,2,20", "6,1.0002,2,20", "7,1,2,20"], [1] * 6),
+}
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_equal_poses_are_one_and_a_camera_may_stand_still(flight, name):
+    lines, east = LOGS[name]
+    seen = ["time_s,x_m,y_m", *(f"{t},1,2" for t in TIMES)]
+    log = read_flight(flight(**STILL | {"poses": [PLACES[0], *lines], "detections": seen}))
+    np.testing.assert_allclose(log.poses[log.frames[:, 0], 0, 0], east, atol=2e-4)
+
+
+CAMERAS = {
+    "the shorter edge": ("fov_deg,pixels,width_px,height_px", "40,1080,1920,1080", 1920, 1080, "span 65.8 × 40.0 deg"),
+    "a crop": (
+        "fov_deg,pixels,width_px,height_px",
+        "40,540,1920,1080",
+        1920,
+        1080,
+        "40 is over 540 pixels in the middle",
+    ),
+    "upright": ("fov_deg,pixels,width_px,height_px", "40,1080,1080,1920", 1080, 1920, "span 40.0 × 65.8 deg"),
+    "the width": ("hfov_deg,width_px,height_px", "65.8,1920,1080", 1920, 1080, ""),
+    "square": ("fov_deg,pixels,width_px,height_px", "40,1080,,", 1080, 1080, ""),
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_a_camera_says_which_edge_its_angle_is_over(flight, name):
+    header, row, width, height, remark = CAMERAS[name]
+    log = read_flight(flight(**STILL | {"cameras": [header, row], "detections": ["time_s,x_m,y_m", "0,1,2"]}))
+    (camera,) = log.cameras
+    slopes = camera.slopes(np.array([[0.0, height / 2], [width / 2, 0.0]]))
+    spans = 2 * np.degrees(np.arctan(-slopes[[0, 1], [0, 1]]))
+    focal = 1920 / 2 / math.tan(math.radians(65.8 / 2)) if name != "a crop" else 270 / math.tan(math.radians(20))
+    np.testing.assert_allclose(spans, [2 * math.degrees(math.atan(e / 2 / focal)) for e in (width, height)], atol=0.02)
+    told = [text for text in log.remarks if text.startswith("cameras: UAV 0: fov_deg")]
+    assert remark in told[0] if remark else not told
+
+
 def above(row, header=PLACES[1]):
     """Lines of two poses of each UAV, from a row with the time {t} and the UAV {i}."""
     return {"poses": [header, *(row.format(t=t, i=i) for t in (0, 9) for i in (0, 1))]}
@@ -118,6 +177,9 @@ def above(row, header=PLACES[1]):
 TURNED = above("{t},{i},0,0,20,1,0,0,0", f"{PLACES[1]},qx,qy,qz,qw")
 REFUSED = {
     "are these nanoseconds?": {"detections": [SEEN, "0,0,1,1", "200000000,0,1,1", "0,1,1,1"]},
+    "16.7 s apart, and begin at 1764376351000 s; are these milliseconds?": {
+        "detections": [SEEN, *(f"{1764376351000 + k / 0.06},{i},1,1" for k in range(9) for i in (0, 1))]
+    },
     "no pose within 2 s; its poses are from 1700000000 to 1700000009 s": above("170000000{t},{i},0,0,20"),
     "poses.csv, line 4, column uav: UAV 0 has another pose at 0 s in line 2; number the UAVs apart": {
         "poses": [PLACES[1], "0,0,0,0,20", "9,0,0,0,20", "0,0,9,0,20"]
@@ -127,6 +189,32 @@ REFUSED = {
         "detections": ["time_s,uav,u_px,v_px", "0,0,64,64", "0,1,600,64"]
     },
     "UAV 0 has two frames 0.2 s apart, at 0 s, in one scan of 2 Hz": {"scenario_toml": ["rates.sensing = 2"]},
+    "UAV 0 has a frame at 4 s, but no pose within 2 s, and moves there; give a pose every 2 s": {
+        **STILL,
+        "poses": [PLACES[0], "0,1,2,20", "8,2,2,20"],
+        "detections": ["time_s,x_m,y_m", "0,1,2", "4,1,2", "8,1,2"],
+    },
+    "all 3 are above the horizon, or where a lens shows nothing; pitch_deg is -90 straight down, and": {
+        **STILL,
+        "poses": [f"{PLACES[0]},pitch_deg", "0,1,2,20,0"],
+        "detections": ["time_s,u_px,v_px", "0,64,10", "0,64,20", "0.5,64,5"],
+    },
+    "line 2: pixels: 1920 is more than an edge of the images of 1920 × 1080 pixels; fov_deg is over a square of "
+    "this edge in their middle; if 84 is over the width, call it hfov_deg": {
+        **STILL,
+        "cameras": ["fov_deg,pixels,width_px,height_px", "84,1920,1920,1080"],
+    },
+    "columns qx, qy, qz, qw belong together; one": {**STILL, "poses": [f"{PLACES[0]},qx,qy", "0,1,2,20,0,0"]},
+    "column height_px is missing": {**STILL, "cameras": ["hfov_deg,width_px", "60,1920"]},
+    "line 2: fov_deg: 0.0 is not allowed": {**STILL, "cameras": ["fov_deg,pixels,width_px,height_px", "0,9,18,9"]},
+    "scale: 1 gives images of 6000 pixels": {
+        **STILL,
+        "cameras": ["fov_deg,pixels,width_px,height_px", "60,4000,6000,4000"],
+    },
+    "line 2: hfov_deg: 200.0 is not allowed": {
+        **STILL,
+        "cameras": ["hfov_deg,width_px,height_px", "200,1920,1080"],
+    },
     "UAV 0, column z_m: is 0 m in the median": above("{t},{i},0,0,0"),
     "looks above the horizon in each of its 2 frames; quaternions are xyzw": {
         **TURNED,

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +10,13 @@ from helpers.films import frames_of
 
 import understory
 from sim.exchange.scanned_flight import read_flight
-from sim.exchange.tracked_flight import track_flight
+from sim.exchange.tracked_flight import name_flight, track_flight
 from sim.facts.flight import Flight
+from sim.facts.metrics.summary import format_recording_title
 from sim.facts.sightings import tell_fade
+from sim.views.page.data import make_page_data
+from sim.views.palette import DETECTION
+from sim.views.scene import make_scenes
 from tracking.errors import InputError
 
 TREE = "x_m,y_m,canopy_radius_m,canopy_base_m,canopy_top_m,trunk_radius_m"
@@ -44,7 +49,7 @@ def recordings(tmp_path_factory):
 
 
 def test_a_track_fades_behind_a_crown_or_in_view_without_a_detection(recordings):
-    for name, words in (("missed", "in view but not detected in"), ("hidden", "hidden by tree 0 in")):
+    for name, words in (("missed", "in view in"), ("hidden", "hidden by tree 0 in")):
         recording = recordings[name]
         scans, _ = recording.cells(recording.track_offsets)
         (id_,) = set(recording.track_ids.tolist())
@@ -66,7 +71,7 @@ def test_nothing_is_compared_with_people_who_are_unknown(recordings):
     (held,) = (event for event in flight.events if event.kind == "track held")
     assert (held.track, held.time) == (0, 0.2) and 4 < held.until < 5
     (deleted,) = (event for event in flight.events if event.kind == "track deleted")
-    assert "in view but not detected" in deleted.sentence
+    assert "in view in" in deleted.sentence
     assert "unknown people" in repr(flight) and "OSPA mean –" in repr(flight)
     assert all(len(flight.columns(name)["time_s"]) == 0 for name in ("people", "sightings", "ospa"))
     for figure in (flight.ospa_figure, flight.timeline_figure):
@@ -89,7 +94,7 @@ def test_the_command_leaves_what_others_read(tmp_path, call):
     page = (folder / "mission.html").read_text()
     assert "Tracks that faded: 1" in page and "no sure detection since 4.0 s" in page and "OSPA mean" not in page
     told = call("explain", str(folder))[1]
-    assert "tracks that faded" in told and "in view but not detected" in told
+    assert "tracks that faded" in told and "in view in" in told
     assert "track-walk --track 0" in told.replace("\n", "")
     story = call("explain", str(folder), "--track", "0")[1]
     assert "measurements from UAV 0" in story and "false alarm" not in story and "no sure detection since" in story
@@ -100,6 +105,15 @@ def test_the_command_leaves_what_others_read(tmp_path, call):
 def test_a_flight_is_tracked_from_python(tmp_path):
     folder = write_flight(tmp_path / "walk")
     flight = understory.track(folder, settings={"tracking.survival": 0.99, "duration": 5})
+    titles = [name_flight(Path(name)) for name in ("walk", "flight", "runs/flight-7")]
+    assert titles == ["flight walk", "flight", "flight-7"] and format_recording_title(flight.recording) == titles[0]
+    scenes = [*make_scenes(flight.recording, flight.people.hold_states)]
+    found = [len(flight.recording.scan_at(k, 0).measurements) for k in range(26)]
+    assert (
+        [len(scene.detections) for scene in scenes] == found == [*map(len, make_page_data(flight, None)["detections"])]
+    )
+    picture = flight.map_figure(2.0).axes[0].get_images()[0].get_array()
+    assert (picture == DETECTION).all(axis=2).any()
     assert flight.scenario.tracking.survival == 0.99 and len(flight.recording.times) == 26
     assert flight.recording.planner == "flight walk" and len(flight.columns("tracks")["time_s"]) > 20
     with pytest.raises(InputError, match=r"tracking\.sigma: unknown key"):

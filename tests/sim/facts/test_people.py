@@ -9,8 +9,9 @@ from helpers.recordings import broken, record
 
 import understory
 from sim.facts.metrics.holding import HOLDS, Holding, list_reports
-from sim.facts.people import STATES, PeopleFacts
-from sim.facts.sightings import make_frame_facts
+from sim.facts.people import PeopleFacts
+from sim.facts.sightings import STATES
+from sim.views.frames.frame_facts import make_frame_facts
 
 
 @pytest.fixture(scope="module")
@@ -72,10 +73,10 @@ def test_a_lone_person_too_small_for_a_pixel_is_not_said_to_be_covered():
     flight = understory.run("forest", "hover", seed=1, settings=settings)
     unshown = flight.people.views.inside[:, 0, 0] & ~flight.people.shown[:, 0, 0]
     assert unshown.any()
-    words = "not shown to UAV 0, though no tree is in the way"
+    words = "hidden from UAV 0, though no tree is in the way"
     np.testing.assert_array_equal([text == words for text in flight.people.view_texts(0)], unshown)
     k = int(unshown.argmax())
-    assert make_frame_facts(flight.recording, k, 0).people[0].status == "not shown, though no tree is in the way"
+    assert make_frame_facts(flight.recording, k, 0).people[0].status == "hidden, though no tree is in the way"
 
 
 def test_states_losses_and_holders_are_those_counted_by_hand(recording):

@@ -4,9 +4,14 @@ import numpy as np
 from helpers.flights import IDEAL, fly, recording_of
 from helpers.teams import Spy
 
-from sim.facts.explain.planned_visibility import make_vehicle
+from sim.facts.planned_path import make_vehicle
 from sim.mission.mission import Mission
 from sim.scenario.loading import load_scenario
+
+
+def vehicle_at(recording, k, uav):
+    here, before = recording.poses[[k, max(k - 1, 0)], uav, :2]
+    return make_vehicle(recording.setting, uav, recording.poses_at(k)[uav], here, before)
 
 
 def wandering(situation):
@@ -32,7 +37,7 @@ def test_planners_know_velocities_of_the_engine_and_recordings_nearly():
             np.testing.assert_array_equal(s.own.velocity, velocities[s.own.id])
             for v in s.neighbours:
                 np.testing.assert_array_equal(v.velocity, velocities[v.id])
-            recorded = make_vehicle(recording, k, s.own.id)
+            recorded = vehicle_at(recording, k, s.own.id)
             np.testing.assert_array_equal(recorded.position, s.own.position)
             assert np.linalg.norm(recorded.velocity - s.own.velocity) < 0.6  # m/s: half a scan at 6 m/s²
             far += k > 0 and np.linalg.norm(s.own.velocity - snapshots[k].commands[s.own.id]) > 0.5
@@ -46,5 +51,5 @@ def test_kinematic_uavs_have_the_velocity_of_their_last_command():
     for k, team in enumerate(spy.teams):
         for s in team:
             np.testing.assert_array_equal(s.own.velocity, snapshots[5 * k].commands[s.own.id])
-            recorded = make_vehicle(recording, 5 * k, s.own.id)
+            recorded = vehicle_at(recording, 5 * k, s.own.id)
             np.testing.assert_allclose(recorded.velocity, s.own.velocity, atol=1e-9)

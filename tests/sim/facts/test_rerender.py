@@ -1,6 +1,5 @@
 """Frames rendered again are those flown; what is drawn on them is where it is; wrong input leaves nothing."""
 
-import dataclasses
 import math
 
 import cv2
@@ -12,13 +11,13 @@ from helpers.recordings import record
 
 from sim.facts.flight import find_scans
 from sim.facts.rerender import Rerenderer
-from sim.facts.sightings import FrameFacts, make_frame_facts
 from sim.mission.archive import save
-from sim.views.drawing.palette import track_colour
 from sim.views.frames import frame_panels
 from sim.views.frames.annotation import annotate
+from sim.views.frames.frame_facts import FrameFacts, make_frame_facts
 from sim.views.frames.frame_panels import write_frames
-from sim.views.scene import outline_ellipse
+from sim.views.palette import track_colour
+from sim.views.scene import mark_track, outline_ellipse
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -36,8 +35,8 @@ def mission():
 def test_where_a_slow_camera_took_no_image_the_truth_is_what_geometry_tells():
     recording, _ = filmed("uavs.0.rate=1", "trees.density=0", duration=2)
     taken, idle = (make_frame_facts(recording, k, 0) for k in (5, 6))
-    assert any(p.status == "in view" for p in taken.people)
-    assert {p.status for p in idle.people} <= {"in view", "outside the view"}
+    assert any(p.status == "seen" for p in taken.people)
+    assert {p.status for p in idle.people} <= {"in view", "out of view"}
     assert any(p.status == "in view" for p in idle.people)
 
 
@@ -47,25 +46,17 @@ def northwards(degrees):
     return Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(half), 0.0, 0.0, math.cos(half)]))
 
 
-def scene(*, tracks=(), people=(), trees=(), pose=None):
-    """A sight of one UAV with 20 m on the ground in 128 pixels, which found what is in `people`."""
-    setting = synthetic.scenario(uavs=1, people=len(people))
+def scene(*, tracks=(), trees=(), pose=None):
+    """A sight of one UAV with 20 m on the ground in 128 pixels."""
+    setting = synthetic.scenario(uavs=1)
     trees, pose = Forest(tuple(trees)), pose or Pose.level(0.0, 0.0, setting.uavs[0].altitude)
-    first = next(synthetic.snapshots(setting, trees, 1))
-    snapshot = dataclasses.replace(first, cameras=[pose], tracks=[tracks], people=np.reshape(people, (-1, 2)))
-    return FrameFacts(setting.uavs[0].true_camera, setting.uavs[0].believed_camera, trees, snapshot, 0, ())
-
-
-def bare(seen):
-    """The same without measurements."""
-    scan = dataclasses.replace(seen.snapshot.scans[0], measurements=np.zeros((0, 2)), covariances=np.zeros((0, 2, 2)))
-    snapshot = dataclasses.replace(seen.snapshot, scans=[scan], pixels=[np.zeros((0, 2))])
-    return dataclasses.replace(seen, snapshot=snapshot)
+    uav, marks = setting.uavs[0], [mark_track(track, track.id) for track in tracks]
+    return FrameFacts(0, 0.0, uav.true_camera, pose, uav.believed_camera, pose, trees, (), (), tuple(marks))
 
 
 def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
     belief = Gaussian(np.array([3.0, -2.0, 0.0, 0.0]), np.diag([1.0, 0.25, 1.0, 1.0]))
-    seen = bare(scene(tracks=(Track(2, belief),)))
+    seen = scene(tracks=(Track(2, belief),))
     view, shown = annotate(np.full((128, 128, 3), 90, np.uint8), seen, 1024)
     assert shown == {"track, 95 % ellipse"}
     ring = outline_ellipse(belief.mean[:2], belief.covariance[:2, :2])
@@ -81,7 +72,7 @@ def test_views_of_anything_can_be_drawn():
         with Rerenderer(recording) as again:
             page = frame_panels.draw_frame_page(again, 2, 1, size=300)
         assert page.shape[0] >= 276 and page.dtype == np.uint8
-    seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
+    seen = scene(trees=[Tree(0.0, 20.0)], pose=northwards(90))
     view, _ = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
     assert view.shape == (256, 256, 3)
 

@@ -11,8 +11,8 @@ from helpers.identities import standing_still, swapping
 from sim.facts.event import IDENTITIES, UNMATCHED, Event, assign_lanes
 from sim.facts.flight import Flight
 from sim.mission.archive import save
-from sim.views.drawing.palette import FALSE, format_css, pale
 from sim.views.page.page import make_page
+from sim.views.palette import FALSE, format_css, pale
 
 ALL = (0, 1, 2)
 

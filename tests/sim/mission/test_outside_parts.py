@@ -50,10 +50,18 @@ def flown(folder, *overrides, planner="greedy"):
     return load_recording(folder / "mission.npz"), summary
 
 
+LATE = ("network.delay=0.2", "network.hold=0.6", "network.loss=0.3")
+
+
 @pytest.mark.parametrize(
-    ("late", "farthest"), [((), 1.5), (("network.delay=0.2", "network.hold=0.6", "network.loss=0.3"), 2.5)]
+    ("name", "late", "farthest"),
+    [
+        ("mytracker:Nearest", (), 1.5),
+        ("mytracker:Nearest", LATE, 2.5),
+        ("soup:SoupJPDA", (), 1.5),
+        pytest.param("soup:SoupJPDA", LATE, 2.5, marks=pytest.mark.slow),  # each part is tested above
+    ],
 )
-@pytest.mark.parametrize("name", ["mytracker:Nearest", "soup:SoupJPDA"])
 def test_a_tracker_from_outside_keeps_all_people_of_an_open_scene(tmp_path, monkeypatch, module, name, late, farthest):
     module("mytracker", NEAREST)
     monkeypatch.syspath_prepend(str(SOUP))

@@ -14,11 +14,12 @@ from helpers.flights import fly, recording_of
 from helpers.recordings import assert_same, npy, record, rewritten
 
 from planning.planner import Plan
-from sim.exchange.csv_files import read_forest
 from sim.exchange.export import export
 from sim.mission.archive import compute_digest, load_recording, save
 from sim.mission.recorder import Recorder
 from sim.mission.recording import OPTIONAL, Recording
+from sim.scenario.environment import Trees
+from sim.world.stem_map import read_stem_map
 from tracking.geometry.visibility import Forest
 from tracking.track import Scan
 
@@ -43,7 +44,7 @@ def test_leaves_of_porous_trees_survive_the_disk_and_an_export(tmp_path):
     assert_same(found, recording)
     assert np.array_equal(found.forest.table, porous)
     export(found, "csv", tmp_path / "tables")
-    assert read_forest(tmp_path / "tables" / "trees.csv").trees == found.forest.trees
+    assert read_stem_map(tmp_path / "tables" / "trees.csv", "trees", Trees()).trees == found.forest.trees
     for wrong in (np.nan, -0.1):
         save(dataclasses.replace(recording, trees=np.where(porous == 0.4, wrong, porous)), tmp_path / "wrong.npz")
         with pytest.raises(ValueError, match="have a leaf area density below 0 or none"):

@@ -60,6 +60,24 @@ def test_files_overrides_and_trajectories_are_read_where_they_are(tmp_path):
     assert load_scenario(str(path)).people.trajectories == str(tmp_path / "walk.csv")
 
 
+def test_a_star_is_a_key_of_all_uavs(tmp_path):
+    path = tmp_path / "two.toml"
+    path.write_text("[[uavs]]\nstart = [0, 0]\nnavigation = 'rtk'\n[[uavs]]\nstart = [9, 9]\nfootprint = 30\n")
+    settings = ["uavs.*.navigation=consumer", "uavs.*.fov_deg=80", "uavs.*.alpha=0.3", "uavs.1.alpha=0.2"]
+    for name, count in (("forest", 3), (str(path), 2)):
+        fleet = load_scenario(name, settings).uavs
+        single = load_scenario(
+            name, [one.replace("*", str(i)) for one in settings for i in range(count if "*" in one else 1)]
+        )
+        assert fleet == single.uavs and len(fleet) == count
+        assert {(uav.navigation, uav.fov_deg) for uav in fleet} == {("consumer", 80.0)} and fleet[1].alpha == 0.2
+    with pytest.raises(
+        InputError, match=re.escape("uavs.7.alpha: '7' is not an index; allowed are 0 to 2, or * for all")
+    ):
+        load_scenario("forest", ["uavs.7.alpha=1"])
+    assert load_scenario("forest", ["uavs=[{start = [1, 2]}]", "uavs.*.mount=body"]).uavs[0].mount == "body"
+
+
 def test_a_trajectory_file_that_links_to_itself_is_refused_where_it_is_read(tmp_path):
     (tmp_path / "walk.csv").symlink_to("walk.csv")
     scenario = load_scenario("forest", [f'people.trajectories="{tmp_path / "walk.csv"}"'])

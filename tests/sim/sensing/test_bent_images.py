@@ -39,12 +39,14 @@ def views(camera: Camera, rng: np.random.Generator, frames: int):
         yield pose, people
 
 
+@pytest.mark.parametrize("frames", [150, pytest.param(400, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("camera", [BARREL, PINCUSHION, LARGE], ids=["barrel", "pincushion", "large"])
-def test_detections_in_bent_images_are_unbiased_on_the_ground(camera):
+def test_detections_in_bent_images_are_unbiased_on_the_ground(camera, frames):
+    """Of 150 frames a mean error of 3 cm is three standard errors in each ring of the image, of 400 five."""
     rng, detector, rows = np.random.default_rng(1), BlobDetector(Forest(())), []
     with World(SCENARIO, Forest(()), PEOPLE) as world:
         renderer = Renderer(world)
-        for pose, people in views(camera, rng, 400):
+        for pose, people in views(camera, rng, frames):
             world.place_people(people, rng.uniform(-math.pi, math.pi, PEOPLE))
             found = detector.detect(Frame(0, 0.0, camera, pose, renderer.render(camera, pose).image))
             gaps = np.linalg.norm(found.ground[:, None] - people, axis=2)
@@ -58,10 +60,10 @@ def test_detections_in_bent_images_are_unbiased_on_the_ground(camera):
             nees = squared_distance(error, found.covariances[near]) / 2
             rows.append(np.column_stack([error, along, across, off, nees]))
     table = np.concatenate(rows)
-    assert len(table) > 0.9 * 400 * PEOPLE
+    assert len(table) > 0.9 * frames * PEOPLE
     for inner, outer in ((0.0, 0.25), (0.25, 0.4), (0.4, 0.6)):
         part = table[(table[:, 4] >= inner) & (table[:, 4] < outer)]
-        assert len(part) > 300
+        assert len(part) > 0.75 * frames
         np.testing.assert_allclose(part[:, :4].mean(axis=0), 0.0, atol=0.03)
     assert 0.85 < table[:, 5].mean() < 1.2
 

@@ -245,6 +245,11 @@ def test_flags_replace_planners_and_seeds_and_set_what_no_factor_varies():
         adapt_study(read_study("faults"), overrides=["network={}"])
     with pytest.raises(InputError, match="key=value"):
         adapt_study(read_study("faults"), overrides=["network"])
+    mine = Study("mine", ("hover",), factors={"navigation": {"good": {"uavs.0.navigation": "rtk"}}})
+    for key in ("uavs.*.navigation", "uavs", "uavs.*"):
+        with pytest.raises(InputError, match=r"^--set: uavs.* is what factor 'navigation' of study mine varies"):
+            adapt_study(mine, overrides=[f"{key}=gnss"])
+    assert adapt_study(mine, overrides=["uavs.*.alpha=1"]).given == {"uavs.*.alpha": "1"}
     study = adapt_study(read_study("faults"), planners=["hover", "hover"], seeds="7", overrides=["duration=1"])
     assert (study.planners, study.seeds, study.given) == (("hover",), "7", {"duration": "1"})
     assert {cell.settings["duration"] for cell in list_cells(study)} == {"1"}

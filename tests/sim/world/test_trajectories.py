@@ -144,6 +144,21 @@ def test_speeds_that_are_not_those_of_people_are_doubted(csv_file, rows, doubt):
     assert described(path)[1] == [f"people.trajectories: {path}: {doubt}"]
 
 
+@pytest.mark.parametrize("separator", [",", " ", "\t"])
+def test_a_nameless_file_with_more_ids_than_times_is_doubted(csv_file, separator):
+    rows = [(i, k, 1.0 * k, 2.0 * i) for i in range(3) for k in range(9)]
+    lines = [separator.join(map(str, row)) for row in rows]
+    told = "has 9 ids, but 3 times; if the first column is the id, name the columns in a first line"
+    path = csv_file("\n".join(lines))
+    assert f"people.trajectories: {path}: {told}" in described(path)[1]
+    for names in (["id", "time", "x", "y"], ["# id", "timestamp", "x", "y"]):
+        text = "\n".join([separator.join(names), *lines])
+        assert described(csv_file(text)) == (
+            f"people.trajectories: {path}: 3 people, from 0 to 8 s, at 1.00 to 1.00 m/s, 1.00 m/s in the median",
+            [],
+        )
+
+
 def test_commands_tell_of_the_file_and_doubt_it(call, compare, csv_file):
     path = csv_file(table([(25 * t, i, x, y) for t, i, x, y in walks([1.0, 1.4])]))
     words = ["--planner", "hover", "--set", "sensing.mode=ideal", "--set", f"people.trajectories={path}"]
@@ -235,6 +250,12 @@ def test_people_are_absent_outside_the_area_but_not_in_gaps(csv_file):
     assert np.isnan(clipped.at(4.0).positions).all() and not np.isnan(clipped.at(6.0).positions).any()
     path = csv_file(table([row for part in inside for row in part]))  # rows at 0 to 3 s and 5 to 8 s
     assert not np.isnan(read_trajectories(path, AREA, duration=8).positions).any()
+
+
+def test_places_far_from_the_area_ask_for_their_origin(csv_file):
+    path = csv_file(table([(t, 1, 691250 + t, 5334560) for t in (0, 1)]))
+    with pytest.raises(InputError, match=r"691250 is outside the area, -75 to 75 m; people.origin is the place in the"):
+        read_trajectories(path, AREA, duration=1)
 
 
 def test_ids_with_one_row_are_left_out_and_named(csv_file):

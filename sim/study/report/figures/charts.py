@@ -18,8 +18,8 @@ from sim.study.analysis.answers import Answer
 from sim.study.analysis.labels import cell_text
 from sim.study.cells import Levels
 from sim.study.report.figures.panels import COLOURS, COLUMNS, Curve, FigureLayout, Style
-from sim.views.drawing.palette import FAINT
 from sim.views.drawing.plots import open_figure, order_by_rows, rgb
+from sim.views.palette import FAINT
 from tracking.numerics.arrays import Array
 
 _WIDTH = 11.0  # inches, width of a figure as wide as the report

@@ -8,7 +8,7 @@ from itertools import cycle, product
 from sim.study.analysis.groups import Group, find_varying_factors
 from sim.study.analysis.labels import cell_text
 from sim.study.cells import Levels
-from sim.views.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
+from sim.views.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
 
 COLOURS: tuple[Colour, ...] = (BLUE, VERMILLION, (0, 158, 115), PURPLE, ORANGE, SKY, INK)  # Okabe-Ito
 DASHES = ("-", "--", ":", "-.")

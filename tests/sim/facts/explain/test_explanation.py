@@ -18,7 +18,7 @@ from sim.facts.flight import Flight
 from sim.facts.people import PeopleFacts
 from sim.facts.words import format_percent
 from sim.mission.archive import save
-from sim.views.explain_picture import draw_explanation
+from sim.views.frames.explain_picture import draw_explanation
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view()
     with Observer(Flight(recording)) as observer:
         for k, i, m in np.ndindex(*recording.matched.shape):
             w = observer.observe(k, i, m)
-            assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
+            assert w.sighting.status.startswith("seen" if recording.matched[k, i, m] else "hidden by tree")
             far += w.found is not None and w.away > recording.setting.uavs[i].footprint
         page = make_person_facts(observer, 0, 0)
         assert draw_explanation(page, explain_person(page)).std() > 10
@@ -114,7 +114,7 @@ def test_the_words_of_an_explanation_agree_with_history_views_and_association(mi
             assert [int(tree) for tree in trees] == list(w.sighting.hidden_by)
             assert ("detected at pixel" in text) == (w.found is not None)
             assert (f"shows {w.sighting.pixels} of {w.whole} pixels" in text) == bool(w.whole)
-            seen |= {word for word in ("in the gate of track", "not detected", "too, weight") if word in text}
+            seen |= {word for word in ("in the gate of track", "missed", "too, weight") if word in text}
             found, own = w.found.measurement if w.found else -1, numbers.index(facts.holders[0].number)
             told = re.findall(r"in the gate of track (\d+) at ([\d.]+) σ, weight (.+)", text)
             assert len(told) == (np.count_nonzero(gated[:, found]) if w.found else 0)
@@ -125,7 +125,7 @@ def test_the_words_of_an_explanation_agree_with_history_views_and_association(mi
             assert f"in plain view with {format_percent(made.before.visible[own])}" in text
             others = gated[own] & (weights[own] >= 0.005) & (np.arange(len(made.measurements)) != found)
             assert text.count("too, weight") == np.count_nonzero(others)
-    assert seen == {"in the gate of track", "not detected", "too, weight"}
+    assert seen == {"in the gate of track", "missed", "too, weight"}
 
 
 def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, all_facts):
@@ -221,7 +221,7 @@ def test_a_person_smaller_than_a_pixel_is_said_to_be_so(call, tmp_path):
     assert "a person covers 0.049 pixels of its image" in of_uav.sentences
     save(recording, tmp_path / "mission.npz")
     code, out, err = call("explain", ".")
-    assert code == 0 and "not shown to UAV 0, though no tree is in the way" in out
+    assert code == 0 and "hidden from UAV 0, though no tree is in the way" in out
     assert err.startswith("understory: uavs: a person covers 0.049 pixels of the image of UAV 0, which will seldom")
 
 

@@ -14,7 +14,7 @@ from sim.facts.metrics.holding import HOLDS
 from sim.views.drawing.film import HEIGHT, WIDTH, Film, Video
 from sim.views.drawing.layout import Box, arrange_parts
 from sim.views.drawing.map_view import MapView
-from sim.views.drawing.palette import (
+from sim.views.palette import (
     FAINT,
     INK,
     LOST,
@@ -51,6 +51,7 @@ def write_video(path, mission, frames=8):
 def empty(uavs=3, **changes):
     """A snapshot with UAVs and nothing else."""
     first = next(synthetic.snapshots(synthetic.scenario(uavs, people=0), OPEN, 1))
+    changes |= {"matched": changes["visible"] > 0} if "visible" in changes else {}
     return dataclasses.replace(first, plans=None, **changes)
 
 

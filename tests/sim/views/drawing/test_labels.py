@@ -4,7 +4,7 @@ import numpy as np
 
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle
-from sim.views.drawing.palette import INK, PANEL
+from sim.views.palette import INK, PANEL
 
 NAME = TextStyle(13, INK, True, PANEL)
 

@@ -18,7 +18,8 @@ from helpers.html_pages import Page
 from sim.__main__ import COMMANDS
 from sim.facts.flight import Flight, find_scans
 from sim.facts.metrics.holding import HOLDS
-from sim.facts.people import BROKEN, STATES, PeopleFacts
+from sim.facts.people import BROKEN, PeopleFacts
+from sim.facts.sightings import STATES
 from sim.mission.recording import encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
@@ -28,9 +29,9 @@ from sim.scenario.settings_text import list_changes
 from sim.sensing.fault import Fault
 from sim.terminal.commands import load_command
 from sim.views.drawing.film import lay_out_parts
-from sim.views.drawing.palette import HIDDEN, HOLD_COLOURS, OUT_OF_VIEW, format_css, pale, uav_colour
 from sim.views.page.data import make_page_data
 from sim.views.page.page import describe_omission, make_page, write_page
+from sim.views.palette import HIDDEN, HOLD_COLOURS, OUT_OF_VIEW, format_css, pale, uav_colour
 from tracking.errors import InputError
 
 OPTIONS = {"explain": ({"--time", "--target"}, {"--track"}), "frames": ({"--time", "--uav"},)}
@@ -144,8 +145,10 @@ def test_the_page_of_a_long_mission_has_scans_at_equal_gaps_and_says_so(monkeypa
     data = data_of(text)
     monkeypatch.undo()
     whole = json.loads(json.dumps(make_page_data(Flight(mission), None)))
-    assert data["times"] == whole["times"][::4] and data["rate"] == 5 / 4 and data["trail"] == 4
-    for name in ("owner", "ospa", "mean"):
+    assert data["times"] == whole["times"][::4] and data["rate"] == 5 / 4
+    for k, trails in enumerate(data["trails"]):  # 3 s are 15 scans, of which at most four are shown
+        assert all(until - first <= min(k + 1, 4) for _, _, first, until in trails)
+    for name in ("owner", "ospa", "mean", "detections"):
         assert data[name] == whole[name][::4], name
     for kind, name in (("people", "people"), ("uavs", "uavs"), ("now", "rows")):
         for row, other in zip(data[kind], whole[kind][::4], strict=True):

@@ -19,10 +19,11 @@ from helpers.recordings import record
 from sim.facts.event import IDENTITIES
 from sim.facts.flight import Flight
 from sim.facts.metrics.holding import HOLDS
-from sim.facts.people import BROKEN, STATES
+from sim.facts.people import BROKEN
+from sim.facts.sightings import STATES
 from sim.views.drawing.film import lay_out_parts
-from sim.views.drawing.palette import LOST
 from sim.views.page.page import write_page
+from sim.views.palette import LOST
 from tracking.geometry.camera import Pose
 
 SMALL = 24  # pixels of a camera's picture that are compared, across
@@ -208,7 +209,7 @@ def _lists_what_is_drawn(browser, flight):
     on_map = {
         "person": best & {"seen", "missed"},
         "hidden": "hidden" in best,
-        "outside every view": "out of view" in best,
+        "out of view": "out of view" in best,
         "lost": "lost" in holds,
         "not found yet": "not found yet" in holds,
         "track, 95 %": len(flight.recording.track_ids),
@@ -218,8 +219,8 @@ def _lists_what_is_drawn(browser, flight):
     in_charts = {
         **{("seen by " if (history.camera_states[:, i] == STATES.index("seen")).any() else "") + f"UAV {i}": True
            for i in range(3)},
-        "shown, not detected": "missed" in states,
-        "in the frame, hidden": "hidden" in states,
+        "missed": "missed" in states,
+        "hidden": "hidden" in states,
         "out of view": "out of view" in states,
         "held by all": "held" in holds,
         "held by some UAVs": "held by some" in holds,

@@ -7,16 +7,15 @@ import cv2
 import numpy as np
 
 from sim.facts.explain.person import PersonFacts
-from sim.facts.metrics.holding import HOLDS
-from sim.facts.sightings import make_frame_facts
 from sim.facts.words import TextGroup
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, lay_out_groups, write
 from sim.views.drawing.map_view import MapView
-from sim.views.drawing.palette import INK, PANEL, PAPER, uav_colour
 from sim.views.drawing.strokes import draw_disc, draw_line
 from sim.views.frames.annotation import TRACK, annotate, find_marks
+from sim.views.frames.frame_facts import make_frame_facts
 from sim.views.frames.frame_panels import MARK
+from sim.views.palette import INK, PANEL, PAPER, uav_colour
 from sim.views.scene import make_scene, measure_map
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Image
@@ -45,8 +44,7 @@ def draw_explanation(facts: PersonFacts, groups: Sequence[TextGroup]) -> Image:
         image = observer.again.image(facts.k, w.uav)
         frame, marks = annotate(image, sight, _TILE)
         shown |= marks
-        found = "" if w.found is None else ", measured" if w.found.pixel is None else ", detected"
-        heading = f"UAV {w.uav}: {w.sighting.status}{found}"
+        heading = f"UAV {w.uav}: {w.sighting.status}"
         tiles.append((heading, np.asarray(cv2.resize(frame, (_TILE, _TILE)), dtype=np.uint8)))
         if sight.people[facts.person].pixels and w.sighting.looked:
             place = sight.camera.project(sight.pose, at_target_height(facts.place[None]))[0][0]
@@ -103,10 +101,12 @@ def _draw_map(facts: PersonFacts) -> tuple[Image, bool]:
     scale = min(_SCALE, _LARGEST / float(metres.max()))
     width, height = np.ceil(scale * metres).astype(int).tolist()
     view = MapView(facts.flight.scenario, recording.forest, (width, height))
-    holds = facts.flight.people.hold_states[facts.k].copy()
-    holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
-    scene = make_scene(recording, facts.k, holds)
-    image, labels = view.draw(scene)
+    scene = make_scene(recording, facts.k, facts.flight.people.hold_states[facts.k])
+    plain = [
+        p._replace(named=None, look=p.look._replace(trouble=None)) for p in scene.people if p.number == facts.person
+    ]
+    others = [p for p in scene.people if p.number != facts.person]
+    image, labels = view.draw(scene._replace(people=(*others, *plain)))  # with a ring and a name as below
     if not np.isnan(facts.place[0]):
         _draw_person(view, image, labels, facts)
     tile, low = _cut_tile(image, view.pixels(np.nan_to_num(facts.place)))

@@ -9,10 +9,11 @@ from matplotlib.collections import PolyCollection
 from sim.facts.event import Event
 from sim.facts.flight import Flight
 from sim.facts.metrics.holding import HOLDS, Episode, find_episodes
-from sim.facts.people import BROKEN, STATES, PeopleFacts
-from sim.views.drawing.palette import FALSE, HIDDEN, HOLD_COLOURS, LOST, uav_colour
+from sim.facts.people import BROKEN, PeopleFacts
+from sim.facts.sightings import STATES
 from sim.views.drawing.plots import rgb
-from sim.views.timeline import choose_rows, draw_timeline
+from sim.views.drawing.timeline import choose_rows, draw_timeline
+from sim.views.palette import FALSE, HIDDEN, HOLD_COLOURS, LOST, uav_colour
 
 
 def test_stretches_states_and_holds_are_those_counted_by_hand():
@@ -61,7 +62,7 @@ def test_the_figure_shows_each_stretch_at_its_time():
     found = shades(draw_timeline(made, np.ones((4, 2, 3)), events))
     spans = {colour: [edge[:2] for shade, edge in found if shade == pytest.approx(rgb(colour))]
              for colour in (LOST, HIDDEN, FALSE, uav_colour(0), uav_colour(1))}  # fmt: skip
-    assert spans[LOST] == [pytest.approx((0.2, 0.6))] and spans[HIDDEN] == [pytest.approx((0.4, 0.8))]
+    assert spans[LOST] == [pytest.approx((0.2, 0.6))] and spans[HIDDEN] == [pytest.approx((0.4, 0.6))]  # the end
     assert spans[FALSE] == [pytest.approx((0.0, 0.6))]
     assert spans[uav_colour(0)] == [] and spans[uav_colour(1)] == [pytest.approx((0.0, 0.4))]
 

@@ -1,8 +1,5 @@
 """Pictures of a recording as Matplotlib figures, which notebooks show."""
 
-import io
-import sys
-
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -10,6 +7,7 @@ from matplotlib.figure import Figure
 from sim.facts.rerender import Rerenderer
 from sim.mission.recording import Recording
 from sim.views.drawing.map_view import MapView
+from sim.views.drawing.plots import ShownFigure
 from sim.views.frames.frame_panels import draw_frame_page
 from sim.views.scene import make_scene, measure_map
 from tracking.numerics.arrays import Image, Indices
@@ -38,25 +36,10 @@ def make_frame_figure(recording: Recording, k: int, uav: int) -> Figure:
 def _make_picture(image: Image, extent: tuple[float, float, float, float] | None = None) -> Figure:
     """A figure with the pixels of an image (H, W, 3) and its size; `extent` as in Matplotlib."""
     height, width = image.shape[:2]
-    figure = Figure(figsize=(width / 100, height / 100), dpi=100)
+    figure = ShownFigure(figsize=(width / 100, height / 100), dpi=100)
     FigureCanvasAgg(figure)  # whose pixels can be asked for
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.imshow(image, interpolation="none", aspect="auto", extent=extent)
     axes.autoscale(False)  # whatever else is drawn
     axes.set_axis_off()
     return figure
-
-
-def show_figures() -> None:
-    """Let notebooks show figures, which they do by themselves only after an import of pyplot."""
-    shell = sys.modules["IPython"].get_ipython()
-    if shell is not None:
-        shown = shell.display_formatter.formatters["image/png"]
-        if Figure not in shown.type_printers:
-            shown.for_type(Figure, _encode_png)
-
-
-def _encode_png(figure: Figure) -> bytes:
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=figure.dpi)
-    return content.getvalue()

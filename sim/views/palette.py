@@ -6,6 +6,7 @@ PAPER: Colour = (248, 245, 237)
 PANEL: Colour = (255, 254, 250)
 INK: Colour = (40, 38, 36)
 FAINT: Colour = (150, 145, 136)
+SOFT: Colour = (102, 97, 90)  # of the page's text that steps back, for which FAINT is too light
 LINE: Colour = (222, 216, 204)
 CANOPY: Colour = (120, 171, 112)
 CANOPY_EDGE: Colour = (88, 138, 84)
@@ -36,7 +37,7 @@ HOLD_COLOURS: dict[str, Colour] = {
     "absent": FAINT,
     "not found yet": NOT_FOUND_YET,
     "lost": LOST,
-    "off": OFF,
+    "off the track": OFF,
     "held by some": HELD_BY_SOME,
     "held": HELD,
 }

@@ -11,11 +11,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sim.facts.event import IDENTITIES, Event, assign_lanes, find_ends
-from sim.facts.metrics.holding import HOLDS, find_episodes
-from sim.facts.people import BROKEN, STATES, PeopleFacts
-from sim.views.drawing import palette
-from sim.views.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, Colour, pale, uav_colour
+from sim.facts.metrics.holding import GRADES, HOLDS, find_episodes
+from sim.facts.people import BROKEN, PeopleFacts, tell_losses
+from sim.facts.sightings import STATES
+from sim.views import palette
 from sim.views.drawing.plots import draw_mean, open_figure, order_by_rows, rgb
+from sim.views.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, Colour, pale, uav_colour
 from tracking.numerics.arrays import Array, Indices
 
 _WIDTH = 11.0  # inches
@@ -27,11 +28,11 @@ _VEIL: Colour = (250, 214, 212)
 _SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
 HOLD_SHADES = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
 UNMATCHED_SHADES = {"false track": palette.FALSE, "duplicate track": pale(palette.FALSE)}
-WORST_FIRST = ("lost", "not found yet", "off", "held by some", "held")
+WORST_FIRST = (*GRADES, "held by some", "held")
 _MEANT = {
     "held": "held by all",
     "held by some": "held by some UAVs",
-    "off": "off, in the track's ellipse",
+    "off the track": "off the track, in its ellipse",
 }
 
 Shade = tuple[float, float, float]
@@ -266,8 +267,7 @@ def name_shades(uavs: int) -> dict[str, list[Colour]]:
         known = {f"seen by UAV {i}": [uav_colour(i)] for i in range(uavs)}
     else:
         known = {"seen: lanes are the UAVs in brackets": [*UAV_COLOURS]}
-    known["shown, not detected"] = [*map(pale, UAV_COLOURS)]
-    known |= {"in the frame, hidden": [HIDDEN], "out of view": [OUT_OF_VIEW]}
+    known |= {"missed": [*map(pale, UAV_COLOURS)], "hidden": [HIDDEN], "out of view": [OUT_OF_VIEW]}
     return known | {_MEANT.get(kind, kind): [colour] for kind, colour in (HOLD_SHADES | UNMATCHED_SHADES).items()}
 
 
@@ -275,14 +275,7 @@ def _write_title(facts: PeopleFacts) -> str:
     if not facts.recording.present.any():
         return "No people"
     share = _compute_held_share(facts, slice(None))
-    lost = [loss for loss in facts.unheld if loss.kind == "person lost"]
-    times = {0: "never lost", 1: "lost once", 2: "lost twice"}.get(len(lost), f"lost {len(lost)} times")
-    text = f"People held {100 * share:.1f} % of the time, {times}"
-    if lost:
-        worst = max(lost, key=lambda loss: loss.scans)
-        start, end = find_ends(facts.recording.times, worst.first, worst.last)
-        text += f", at worst person {worst.person} for {end - start:.1f} s from {start:.1f} s"
-    return text
+    return f"People held {100 * share:.1f} % of the time, {tell_losses(facts)}"
 
 
 def _format_share(facts: PeopleFacts, person: int) -> str:

@@ -18,10 +18,10 @@ from sim.mission.archive import load_recording, save
 from sim.mission.trial import Trial
 from sim.running.results import run_mission as fly
 from sim.scenario.loading import load_scenario
-from sim.views import redrawn_film as module
 from sim.views import window
+from sim.views.drawing import redrawn_film as module
 from sim.views.drawing.film import Film, Video
-from sim.views.redrawn_film import write_film
+from sim.views.drawing.redrawn_film import write_film
 from tracking.errors import InputError
 
 # A slow camera, a UAV that breaks down, everything varied by the seed.

@@ -1,0 +1,146 @@
+"""Columns, units and axes of flights that are not as they seem: told in one line, with what mends it."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from sim.exchange.scanned_flight import read_flight
+from tracking.errors import InputError
+
+TIMES = np.arange(0, 40, 0.2)
+PLACES = 30 * np.column_stack([np.sin(0.2 * TIMES), np.cos(0.2 * TIMES)])  # m, clockwise round a circle
+COURSE = math.pi / 2 + 0.2 * TIMES  # rad, clockwise from north
+UP = np.array([0.0, 0.0, 1.0])
+BELOW = np.diag([1.0, -1.0, -1.0])
+# Attitudes of a camera that looks straight down and has its course at the top of images, in several axes.
+AXES = {
+    "image": Rotation.from_rotvec(UP * -COURSE[:, None]),
+    "optical": Rotation.from_rotvec(UP * -COURSE[:, None]) * Rotation.from_matrix(BELOW),
+    "flu": Rotation.from_rotvec(UP * (math.pi / 2 - COURSE[:, None])),
+    "frd": Rotation.from_rotvec(UP * COURSE[:, None]),
+}
+QUATERNION = "time_s,x_m,y_m,z_m,qx,qy,qz,qw"
+SEEN = ["time_s,x_m,y_m", "0,1,1", "1,,", "2,,", "3,1,1"]
+
+
+@pytest.fixture
+def told(tmp_path):
+    """Writes a flight of one UAV and reads it: its files, those of changed ones, and the overrides of its scenario."""
+
+    def read(header, rows, overrides=(), **files):
+        lines = [header, *(",".join(map(str, [*row])) for row in rows)]
+        plain = {"poses": lines, "detections": SEEN, "cameras": ["fov_deg,pixels", "60,128"]}
+        for name, text in (plain | files).items():
+            (tmp_path / f"{name}.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
+        return read_flight(tmp_path, overrides=overrides)
+
+    return read
+
+
+def posed(places=PLACES, height=20.0, more=None):
+    """Rows of poses with these heights [m] and further entries (P, n)."""
+    more = np.zeros((len(TIMES), 0)) if more is None else more
+    return [[t, *place, height, *rest] for t, place, rest in zip(TIMES, places.tolist(), more.tolist(), strict=True)]
+
+
+def angles(factor):
+    return np.column_stack([COURSE % 6.2 * factor, np.full(len(TIMES), -1.55 * factor)])
+
+
+PLAIN = "time_s,x_m,y_m,z_m"
+DOUBTS = [
+    (f"{PLAIN},heading_deg", posed(more=angles(1)[:, :1]), "poses: not used: column heading_deg; attitudes have the"),
+    (f"{PLAIN},yaw,pitch", posed(more=angles(57.3)), "poses: not used: columns yaw, pitch; attitudes have the"),
+    (f"{PLAIN},yaw_deg", posed(more=angles(57.3)[:, :1]), "poses: without the column pitch_deg, cameras look straight"),
+    (f"{PLAIN},yaw_deg,pitch_deg", posed(more=angles(1)), "always looks at the horizon in the north; are yaw_deg"),
+    (PLAIN, posed([11.57, 48.1] + PLACES / 1e5), "poses: all places are within 0.02 m; are x_m and y_m in degrees?"),
+    (PLAIN, posed(100 * PLACES), "poses: UAV 0 flies at 600 m/s in the median; are places in metres"),
+    (PLAIN, posed(height=520), "poses: UAV 0 is 520 m high in the median; are heights in metres above the ground"),
+    (QUATERNION, posed(more=AXES["flu"].as_quat()), "of a body with x ahead; if they are, give cameras.csv"),
+    (QUATERNION, posed(more=AXES["frd"].as_quat()), "as PX4 logs them; if they are, give cameras.csv"),
+    (QUATERNION, posed(more=np.roll(AXES["image"].as_quat(), 1, axis=1)), "40 % of its poses; are these wxyz?"),
+]
+
+
+@pytest.mark.parametrize(("header", "rows", "doubt"), DOUBTS)
+def test_what_is_far_from_any_drone_or_not_used_is_told_in_one_line(told, header, rows, doubt):
+    (line,) = [line for line in told(header, rows).remarks if doubt in line]
+    assert "\n" not in line
+
+
+def test_a_body_on_a_straight_course_is_doubted_unless_north_is_up(told):
+    """A gimbal that keeps north at the top may fly to any side."""
+    for course, doubted in ((0.0, False), (0.7, True)):
+        attitude = Rotation.from_rotvec([0.0, 0.0, course]).as_quat()
+        along = 5 * TIMES[:, None] * [math.cos(course), math.sin(course)]
+        remarks = told(QUATERNION, posed(along, more=np.tile(attitude, (len(TIMES), 1)))).remarks
+        assert any("of a body with x ahead; if they are" in line for line in remarks) == doubted
+
+
+def test_people_and_cameras_of_other_units_are_doubted(told):
+    truth = ["time_s,id,x_m,y_m", *(f"{t},{i},{100 * t},{i}" for t in range(4) for i in range(2))]
+    found = told(PLAIN, posed(), truth=truth, cameras=["fov_deg,pixels", "1.05,128"])
+    assert any("id 0 moves at 100 m/s, but no one has run faster" in line for line in found.remarks)
+    assert "cameras: fov_deg of UAV 0 is 1.05; is it in degrees?" in found.remarks
+
+
+def test_a_usual_flight_is_not_doubted_and_a_comment_may_name_the_columns(told):
+    remarks = told(QUATERNION, posed(more=AXES["image"].as_quat())).remarks
+    assert not any(line.startswith("poses") for line in remarks)
+    names = "# timestamp,tx,ty,tz,qx,qy,qz,qw"
+    assert told(names, posed(more=AXES["image"].as_quat())).remarks == remarks
+    still = told(f"{PLAIN},yaw_deg,pitch_deg,roll_deg", [[0, 1, 2, 30, 0, 0, 0], [3, 1, 2, 30, 0, 0, 0]])
+    assert not any(line.startswith("poses") for line in still.remarks)
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_quaternions_of_other_axes_give_the_same_poses(told, axes):
+    cameras = ["fov_deg,pixels,axes", f"60,128,{axes}"]
+    found = told(QUATERNION, posed(more=AXES[axes].as_quat()), cameras=cameras)
+    wanted = AXES["image"][0].as_matrix()
+    np.testing.assert_allclose(Rotation.from_quat(found.poses[0, 0, 3:]).as_matrix(), wanted, atol=1e-9)
+    assert not any(line.startswith("poses") for line in found.remarks)
+
+
+def test_axes_are_named_by_where_they_look(told):
+    tilted = Rotation.from_euler("zx", np.column_stack([-COURSE, np.full(len(TIMES), 0.6)]))
+    optical = posed(more=(tilted * Rotation.from_matrix(BELOW)).as_quat())
+    with pytest.raises(InputError, match=r"above the horizon in each.* of optical axes, z ahead \(then .*\)\?$"):
+        told(QUATERNION, optical)
+    cameras = ["fov_deg,pixels,axes", "60,128,optic"]
+    with pytest.raises(InputError, match=r"^cameras: column axes: 'optic' is unknown; .*did you mean optical"):
+        told(QUATERNION, optical, cameras=cameras)
+
+
+def test_detections_of_another_unit_or_origin_are_doubted(told):
+    far = told(PLAIN, posed(), detections=["time_s,x_m,y_m", "0,7000,1", "1,,", "3,7001,1"])
+    assert any("those of UAV 0 are 6992 m away from it in the median" in line for line in far.remarks)
+    rows = [f"{t},{11.57 + 1e-5 * t},48.1" for t in range(9)]
+    assert any(
+        line.startswith("detections: all places are")
+        for line in told(PLAIN, posed(), detections=[SEEN[0], *rows]).remarks
+    )
+
+
+def test_trees_are_told_of_and_read_as_the_scenario_says(told):
+    trees = ["x,y,dbh", "0,0,0.3", "5,5,0.4", "5,5,0.3"]
+    with pytest.raises(InputError, match=re.escape('same place: lines 3, 4; trees.same_place = "merge" makes')):
+        told(PLAIN, posed(), trees=trees)
+    settings = ["trees.same_place=merge", "trees.canopy_radius=2"]
+    found = told(PLAIN, posed(), settings, trees=trees)
+    assert [tree.trunk_radius for tree in found.forest.trees] == pytest.approx([0.15, 0.25])
+    assert found.forest.trees[0].canopy_radius == 2 and found.setting.trees.same_place == "merge"
+    assert any("2 trees of 3 stems" in line for line in found.remarks)
+    assert any("column dbh: is taken to be in m" in line for line in found.remarks)
+    assert told(PLAIN, posed(), trees=["x_m,y_m"]).forest.trees == ()  # of a mission without trees
+
+
+def test_a_star_is_a_key_of_all_uavs_of_a_flight(told):
+    rows = [[row[0], i, *row[1:]] for row in posed() for i in range(5)]
+    cameras = ["uav,fov_deg,pixels", *(f"{i},60,128" for i in range(5))]
+    seen = ["time_s,uav,x_m,y_m", *(f"{t},{i},," for t in (0, 1) for i in range(5))]
+    found = told("time_s,uav,x_m,y_m,z_m", rows, ["uavs.*.navigation=gnss"], cameras=cameras, detections=seen)
+    assert [uav.navigation for uav in found.setting.uavs] == ["gnss"] * 5
