@@ -115,6 +115,7 @@ def fly_into(
                     video.add(snapshot, mission.images)
             progress(ScanProgress(snapshot.time, snapshot.ospa[snapshot.working, 0].tolist()))
             if stops():
+                say("Interrupted; what was flown is being written. Another Ctrl-C keeps nothing.")
                 break
     outcome = flying.land()
     start = time.perf_counter()
