@@ -22,7 +22,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 import msgspec
 
 import understory
-from planning.catalogue import DEFAULT_PLANNER, PLANNERS
+from planning.catalogue import DEFAULT_PLANNER, PLANNERS, import_planner
 from sim.facts.metrics.catalogue import METRICS
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.environment import Appearance
@@ -30,7 +30,6 @@ from sim.scenario.scenario import ScenarioSettings
 from sim.scenario.settings_text import format_value
 from sim.scenario.uavs import Cut, UavSettings
 from tracking.navigation import Navigation
-from tracking.plugins.registry import import_plugin
 
 DOCS = Path(__file__).parent
 sys.path.append(str(DOCS))
@@ -119,7 +118,7 @@ def metrics_table() -> str:
 
 def options_table(planner: str = DEFAULT_PLANNER) -> str:
     """Options of a planner and of others of its class: default, that of these where it differs, and meaning."""
-    kind = import_plugin(PLANNERS[planner].target)
+    kind = import_planner(PLANNERS[planner])
     alike = {name: spec.options for name, spec in PLANNERS.items() if spec.target == PLANNERS[planner].target}
     lines, meanings = ["| option | default | meaning |", "|---|---|---|"], _comments(kind)
     for name, parameter in inspect.signature(kind).parameters.items():

@@ -81,7 +81,7 @@ def time_mission(scenario: Scenario) -> dict[str, float]:
     """Processor time [ms] of each stage, for a UAV and a second of the mission; the least of several flights."""
     least = dict.fromkeys(STAGES, math.inf)
     for _ in range(REPEATS):
-        with mock.patch("sim.sensing.stopwatch.time.perf_counter", time.process_time):
+        with mock.patch("sim.mission.stopwatch.time.perf_counter", time.process_time):
             mission = Mission(scenario, load_planner("sma-nbo-gospa"), 0)
             for _ in mission.fly():
                 pass

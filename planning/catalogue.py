@@ -1,6 +1,7 @@
 """Planners by name, built-in ones and planners of other packages, and a catalogue of them for display."""
 
 import inspect
+import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -87,6 +88,15 @@ def find_planners() -> dict[str, PlannerSpec]:
     return found
 
 
+def import_planner(spec: PlannerSpec) -> Any:  # noqa: ANN401 - whatever a user's module holds
+    """The class or function that makes a planner; ImportError if there is none.
+
+    Only planners that are not built in may be in the current folder, which may have a `planning` of its own.
+    """
+    built_in = spec in PLANNERS.values()
+    return pkgutil.resolve_name(spec.target) if built_in else import_plugin(spec.target)
+
+
 def _find_entry_points() -> list[EntryPoint]:
     """Entry points of planners of other packages, by name, usable or not."""
     return sorted(entry_points(group=GROUP), key=lambda point: (point.name, _find_package(point)))
@@ -130,7 +140,7 @@ def _list_built_in_options() -> dict[str, str]:
     found: dict[str, str] = {}
     for name, spec in PLANNERS.items():
         like = first.setdefault(spec.target, name)
-        options[name] = _read_defaults(import_plugin(spec.target)) | dict(spec.options)
+        options[name] = _read_defaults(import_planner(spec)) | dict(spec.options)
         if like == name:
             found[name] = _join(options[name])
         else:

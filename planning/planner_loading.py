@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from importlib.machinery import PathFinder
 from typing import Any, cast
 
-from planning.catalogue import PlannerSpec, find_planners, list_parameters
+from planning.catalogue import PlannerSpec, find_planners, import_planner, list_parameters
 from planning.planner import Exchange, Planner
 from tracking.errors import InputError, nearest
 from tracking.numerics.arrays import Array
 from tracking.plugins.plugin_error import Unusable
-from tracking.plugins.registry import Registry, import_plugin
+from tracking.plugins.registry import Registry
 
 TruePositions = Callable[[float], Array]  # (M, 2) m of people at a time [s]; NaN while absent
 
@@ -208,7 +208,7 @@ def _name_kind(value: object) -> str:
 
 def _import(name: str, spec: PlannerSpec) -> Any:  # noqa: ANN401 - whatever a user's module holds
     try:
-        return import_plugin(spec.target)
+        return import_planner(spec)
     except ImportError as error:
         what = f"{name!r} of {spec.source}, {spec.target!r}," if spec.source else repr(spec.target)
         raise InputError(f"planner: {what} cannot be imported: {error}") from error

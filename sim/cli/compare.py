@@ -18,9 +18,11 @@ from sim.study.executors import Pool, connect
 from sim.study.report.comparison import make_about
 from sim.study.report.terminal import show_study
 from sim.study.scheduler import Options
+from sim.study.store import choose_folder
 from sim.study.study_flight import fly_study
 from sim.study.trials import list_trials
 from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
+from sim.terminal.console import print_remarks
 from tracking.errors import InputError, check_known
 from tracking.fusion.member import TRACKERS
 
@@ -49,7 +51,10 @@ _Repeats = Annotated[
 ]
 _Out = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="Folder of results; trials in it are not flown again. Default: one under runs/."),
+    typer.Option(
+        metavar="DIR",
+        help="Folder of results; trials in it are not flown again. Default: one under runs/.",
+    ),
 ]
 _Baseline = Annotated[
     str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
@@ -106,12 +111,15 @@ def compare(
     )
     processes = _read_workers(workers, dask)
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
-    folder = out or Path("runs") / chosen.name
     if keep is not None:
         check_known("--keep", keep, ["recordings"])
-    options = Options(limit, None if keep is None else folder / "recordings", redo)
     trials = list_trials(chosen, find_outside_metrics(metric or ()))
     about = make_about(chosen, trials, baseline=baseline, labels=label or (), metrics=metric or ())
+    default = Path("runs") / chosen.name
+    folder = out or choose_folder(default, chosen.name, trials)
+    if folder not in (out, default):
+        print_remarks(f"{default} holds other results; those of this comparison go into {folder}")
+    options = Options(limit, None if keep is None else folder / "recordings", redo)
     executor = connect(dask) if dask is not None else context.obj or Pool(processes, limit)
     show_study(fly_study(chosen, trials, folder, executor, options), folder, about)
 

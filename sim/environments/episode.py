@@ -63,7 +63,7 @@ class Episode:
 
     def _keep_frames(self) -> None:
         """Keep the frames of the present scan, as slow cameras may take theirs between decisions."""
-        taken = {i: frame for i, frame in enumerate(self.mission.frames) if frame is not None}
+        taken = {i: frame for i, frame in enumerate(self.mission.images) if frame is not None}
         self.images |= taken
         self._taken |= dict.fromkeys(taken, self.mission.time)
 

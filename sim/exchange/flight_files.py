@@ -89,7 +89,7 @@ def read_files(
         people = [_shift(frame, later, origin) for frame in found[i].people]
         uavs.append(LoggedUav(camera, moved, frames, people))
     stems = _read_trees(folder, replace(trees, origin=origin))
-    remarks = [*bag.remarks, *remarks]
+    remarks = [*bag.remarks, *remarks, *(remark for seen in found.values() for remark in seen.remarks)]
     remarks += [f"cameras: UAV {i}: {uav.camera.spans}" for i, uav in enumerate(uavs) if uav.camera.spans]
     remarks += [*find_doubts(folder, uavs), *filter(None, (stems.summary, *stems.remarks))]
     flight = LoggedFlight(uavs, Forest(stems.trees), start, origin, _find_labels(folder, found), remarks)

@@ -97,9 +97,9 @@ def _write_bag(recording: Recording, folder: Path, images: str, *, truth: bool) 
                     bag.write(topic, time, _describe_motion(recording, k, i, poses), i)
                 bag.write(ros.COMMAND, time, (head(time), {"linear": (*recording.commands[k, i].tolist(), 0.0)}), i)
                 camera = recording.setting.uavs[i].believed_camera
-                if k == 0 or snapshot.frames[i]:
+                if k == 0 or snapshot.frames_taken[i]:
                     bag.write(ros.CAMERA_INFO, time, _describe_camera(time, i, camera), i)
-                if snapshot.frames[i]:
+                if snapshot.frames_taken[i]:
                     _write_detections(bag, snapshot, i, camera)
                     if again:
                         content = np.frombuffer(IMAGES[images](again.image(k, i)), dtype=np.uint8)

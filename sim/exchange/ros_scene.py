@@ -9,11 +9,12 @@ from sim.mission.recording import Recording
 from sim.views.palette import DETECTION, FAINT, PANEL, Colour, lighten
 from sim.views.scene import Scene, UavMark, find_half_axes, mark_trees
 from tracking.geometry.person import PERSON_HEIGHT, PERSON_SIZE, TARGET_HEIGHT
+from tracking.geometry.quaternions import level_attitude
 from tracking.numerics.arrays import Array
 
 Place = tuple[float, float, float]  # m
 WORLD = "map"  # the frame of REP 105, with x to the east, y to the north and z up
-LEVEL = (0.0, 0.0, 0.0, 1.0)  # quaternion xyzw
+LEVEL = level_attitude(0.0)
 _CYLINDER, _LINE_STRIP, _LINE_LIST, _TEXT = 3, 4, 5, 9  # types of markers
 _DELETE_ALL = 3  # action of a marker
 _SEE_THROUGH = 0.6  # opacity of opaque canopies
@@ -100,9 +101,8 @@ def _list_edges(eye: Place, ground: Sequence[Place]) -> list[Place]:
 def _draw_ellipse(time: float, ink: _Ink, mean: Array, covariance: Array) -> RosMessage:
     """The 95 % ellipse of a Gaussian, flat at the mid-height of people; mean (2,) m, covariance (2, 2) m²."""
     half, axes = find_half_axes(covariance)
-    turn, size = math.atan2(axes[1, 0], axes[0, 0]) / 2, (2 * half).tolist()
-    quaternion = (0.0, 0.0, math.sin(turn), math.cos(turn))
-    return _draw_cylinder(time, ink, (*mean.tolist(), TARGET_HEIGHT), (*size, 0.05), quaternion)
+    turn, size = level_attitude(math.atan2(axes[1, 0], axes[0, 0])), (2 * half).tolist()
+    return _draw_cylinder(time, ink, (*mean.tolist(), TARGET_HEIGHT), (*size, 0.05), turn)
 
 
 def _draw_cylinder(

@@ -21,7 +21,6 @@ from sim.scenario.loading import decode
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
-from sim.sensing.cameras import view_of
 from sim.world.recorded_people import describe_trajectories, read_trajectories, resample
 from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
 from tracking.detection.detection_errors import whole_covariances
@@ -60,7 +59,7 @@ class ScannedFlight:
     @cached_property
     def cameras(self) -> list[Camera]:
         """The camera of each UAV."""
-        return [view_of(uav, self.setting) for uav in self.setting.uavs]
+        return [self.setting.believed_camera(i) for i in range(len(self.setting.uavs))]
 
     def scans(self) -> Iterator[tuple[Scan, ...]]:
         """The scans of each instant with frames, by ascending UAV."""

@@ -89,6 +89,7 @@ class CameraFrames(NamedTuple):
     people: Sequence[LoggedFrame] = ()  # with the ids of people, if they are known
     size: tuple[int, int] | None = None  # width and height of the images, if known
     categories: Mapping[str, str] = {}  # names of the classes that have numbers, which detections have, too
+    remarks: tuple[str, ...] = ()  # on what was read
 
 
 class LoggedCamera(NamedTuple):

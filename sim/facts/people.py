@@ -12,7 +12,6 @@ from sim.facts.metrics.holding import Held, Unheld, find_holding, find_unheld
 from sim.facts.sightings import NO_TREE, STATES, find_inside_and_hiding, find_states
 from sim.facts.words import name_fleet
 from sim.mission.recording import Recording, find_last_frames
-from sim.sensing.cameras import true_view_of
 from tracking.numerics.arrays import Flags, Indices
 
 BROKEN = -1  # in place of a state for a UAV that has broken down
@@ -40,7 +39,7 @@ class PeopleFacts:
         hidden_by = np.full(inside.shape, -1)
         forest = recording.hiding_forest
         for k, i in np.argwhere(recording.frames_taken).tolist():
-            camera = true_view_of(recording.setting.uavs[i], recording.setting)
+            camera = recording.setting.true_camera(i)
             inside[k, i], hiding = find_inside_and_hiding(
                 camera, recording.camera_at(k, i), recording.people[k], forest
             )

@@ -4,9 +4,9 @@ import numpy as np
 
 from planning.planner import Vehicle
 from planning.prediction.response import mean_velocities, response
+from sim.mission.knowledge import BodyState, vehicle_of
 from sim.mission.snapshot import FlownPlans
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import vehicle_of
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 
@@ -17,7 +17,7 @@ def make_vehicle(scenario: Scenario, uav: int, body: Pose, here: Array, before: 
     Note: the velocity is the mean on the way from its place (2,) m `before`, at the previous scan, to that `here`.
     Recordings have no other, so pictures in flight and those of the recording are the same.
     """
-    return vehicle_of(uav, body, (here - before) * scenario.rates.sensing, scenario)
+    return vehicle_of(scenario, uav, BodyState(body, (here - before) * scenario.rates.sensing))
 
 
 def predict_path(scenario: Scenario, vehicle: Vehicle, flown: FlownPlans, now: float) -> Array:

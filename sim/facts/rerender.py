@@ -14,8 +14,7 @@ from sim.scenario.scenario import encode_scenario
 from tracking.numerics.arrays import Image
 
 if TYPE_CHECKING:
-    from sim.sensing.renderer import Rendered
-    from sim.sensing.rolling_shutter import Sweep
+    from sim.sensing.sensor_mode import Rendered, Shot
 
 
 class Rerenderer(ExitStack):
@@ -46,19 +45,17 @@ class Rerenderer(ExitStack):
         r = self.recording
         self._world.place_people(r.people[k], r.headings[k])
         self._world.place_uavs(r.poses_at(k))
-        camera = r.setting.uavs[uav].true_camera
-        return self._renderer.take(uav, float(r.times[k]), camera, r.camera_at(k, uav), self._find_sweep(k, uav))
+        shot = self._expose(k, uav)
+        return self._renderer.take(uav, shot.time, r.setting.uavs[uav].true_camera, shot.true, shot.sweep)
 
-    def _find_sweep(self, k: int, uav: int) -> "Sweep | None":
-        """The motion while the image was read out, as in the mission."""
-        from sim.sensing.rolling_shutter import Glimpse, Sweep
+    def _expose(self, k: int, uav: int) -> "Shot":
+        """The UAV's shot at scan k, with the motion while its image was read out, as in the mission."""
+        from sim.sensing.sensor_mode import Shot
 
         r = self.recording
         earlier = np.flatnonzero(r.frames_taken[:k, uav])[-1:].tolist()
-        before, now = (
-            [Glimpse(float(r.times[j]), r.camera_at(j, uav), r.people[j]) for j in rows] for rows in (earlier, [k])
-        )
-        return Sweep.between(before[0] if before else None, now[0], r.setting.uavs[uav].readout)
+        *before, shot = [Shot(uav, j, float(r.times[j]), r.camera_at(j, uav), r.people[j]) for j in (*earlier, k)]
+        return shot.expose(before[0] if before else None, r.setting.uavs[uav].readout)
 
     def count_whole(self, k: int, uav: int, person: int) -> int:
         """Number of pixels of one person in the same image if nothing hid it."""
@@ -67,7 +64,8 @@ class Rerenderer(ExitStack):
         others = np.arange(r.person_count) != person
         bare._world.place_people(np.where(others[:, None], np.nan, r.people[k]), r.headings[k])
         bare._world.place_uavs([r.poses_at(k)[uav]] * r.uav_count)  # before the near plane, where none shows
-        return int(np.sum(bare._renderer.find_people(r.setting.uavs[uav].true_camera, r.camera_at(k, uav)) >= 0))
+        shot = self._expose(k, uav)
+        return int(np.sum(bare._renderer.find_people(r.setting.uavs[uav].true_camera, shot.true, shot.sweep) >= 0))
 
     @cached_property
     def _treeless(self) -> "Rerenderer":
@@ -75,7 +73,7 @@ class Rerenderer(ExitStack):
         scenario = encode_scenario(change_settings(self.recording.setting, {"sensing.renderer": "tiny"}))
         return self.enter_context(Rerenderer(replace(self.recording, trees=np.zeros((0, 6)), scenario=scenario)))
 
-    def frames(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
+    def images(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
         """The images that the given UAVs took at scan k, by UAV of the mission; None for a UAV without one.
 
         A UAV takes none in ideal sensing, after it has broken down, and between the frames of a slow camera.

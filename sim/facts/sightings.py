@@ -8,7 +8,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sim.mission.recording import Recording
-from sim.sensing.cameras import view_of
 from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
@@ -137,7 +136,7 @@ def tell_fade(recording: Recording, id_: int, last: int) -> str:
 
 
 def _name_state(recording: Recording, k: int, uav: int, held: dict[int, Array]) -> str:
-    camera = view_of(recording.setting.uavs[uav], recording.setting)
+    camera = recording.setting.believed_camera(uav)
     return tell_sight(camera, recording.believed_camera_at(k, uav), held[k], recording.hiding_forest)
 
 

@@ -35,7 +35,7 @@ def claim_place(asked: Path | None, default: Path, suffix: str = "") -> Iterator
     try:
         for folder in reversed(made):
             folder.mkdir(exist_ok=True)
-        place, mark = next(filter(None, map(_claim, _number_names(default, suffix))))
+        place, mark = next(filter(None, map(_claim, number_names(default, suffix))))
     except OSError as error:
         raise InputError(f"{default}{suffix} cannot be written: {error.strerror}; name a place with --out") from error
     try:
@@ -47,7 +47,8 @@ def claim_place(asked: Path | None, default: Path, suffix: str = "") -> Iterator
                 folder.rmdir()
 
 
-def _number_names(path: Path, suffix: str = "") -> Iterator[Path]:
+def number_names(path: Path, suffix: str = "") -> Iterator[Path]:
+    """The path, path-2, path-3 and so on, each with the suffix."""
     yield path.with_name(f"{path.name}{suffix}")
     for number in count(2):
         yield path.with_name(f"{path.name}-{number}{suffix}")
@@ -112,7 +113,7 @@ def make_new_folder(out: Path) -> Iterator[Path]:
 
 def _rename_folder(part: Path, place: Path, out: Path) -> None:
     """Rename a complete folder to its place, or to the next unused name."""
-    for name in _number_names(place):
+    for name in number_names(place):
         try:
             part.rename(name)
         except OSError as error:

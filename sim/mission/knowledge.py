@@ -1,22 +1,24 @@
 """Knowledge of each UAV: its tracks, its intensity of undetected people, and what it knows about its teammates."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from planning.planner import Exchange, Situation
+from planning.planner import Exchange, Situation, Vehicle
 from sim.mission.radio import RadioLinks
 from sim.mission.teammates import make_teammates
 from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_planned_motion
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import vehicle_of, view_of
-from sim.sensing.sensors import Reading
+from sim.world.quadrotor import COMMAND_LAG
 from tracking.geometry.camera import Look, Pose
+from tracking.geometry.quaternions import level_attitude, pitch
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.trigonometry import arctan2
 from tracking.track import Scan, Track
 from tracking.undetected import UndetectedIntensity
 
@@ -26,6 +28,28 @@ class BodyState(NamedTuple):
 
     pose: Pose
     velocity: Array  # (2,) m/s, east and north
+
+
+def vehicle_of(scenario: Scenario, i: int, body: BodyState) -> Vehicle:
+    """UAV i as planners know it; all parts are copies.
+
+    Note: planners assume the attitude of the camera in level flight at the present heading. For a body-fixed camera
+    without mounting angle the heading is ignored and taken as east, with north up.
+    """
+    uav, heading, rotation = scenario.uavs[i], 0.0, body.pose.rotation
+    if uav.mount == "body" and uav.tilt_deg:
+        heading = arctan2(rotation[1, 0], rotation[0, 0])
+    attitude = pitch(np.array(level_attitude(heading)), math.radians(uav.tilt_deg))
+    return Vehicle(
+        i,
+        body.pose.position.copy(),
+        scenario.believed_camera(i),
+        scenario.noise_model(i),
+        uav.max_speed,
+        attitude,
+        np.array(body.velocity),
+        COMMAND_LAG if scenario.dynamics == "quadrotor" else 0.0,
+    )
 
 
 class Knowledge:
@@ -45,7 +69,7 @@ class Knowledge:
         self._forest = forest
         # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
         self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
-        self._cameras = [view_of(uav, scenario) for uav in scenario.uavs]
+        self._cameras = [scenario.believed_camera(i) for i in range(len(scenario.uavs))]
         self.trackers = TrackerFleet(scenario, forest, initial)
         self._area = (scenario.area.width, scenario.area.height)
         settings = scenario.tracking
@@ -60,24 +84,29 @@ class Knowledge:
         self._late_views: list[list[Look]] = [[] for _ in self._cameras]
 
     def track(
-        self, time: float, readings: Sequence[Reading], links: RadioLinks, working: Sequence[int]
+        self, time: float, scans: Mapping[int, Scan], links: RadioLinks, working: Sequence[int]
     ) -> tuple[list[tuple[Track, ...]], Indices]:
-        """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
-        scans = {i: readings[i].scan for i in working if readings[i].taken}
+        """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends.
+
+        scans: by UAV, of those that took a frame.
+        """
         self._looks = {i: Look(self._cameras[i], scan.pose) for i, scan in scans.items()}
         sent = self.trackers.step(time, scans, links, working)
         for views, received in zip(self._late_views, self.trackers.relay.received, strict=True):
             for item in received:
                 if isinstance(item.content, Scan) and self._scenario.decides(item.k):
                     views.append(Look(self._cameras[item.uav], item.content.pose))
-        return [self.trackers[i].tracks if i in working else () for i in range(len(readings))], sent
+        return [self.trackers[i].tracks if i in working else () for i in range(len(self._cameras))], sent
 
-    def make_situations(
+    def begin_decision(
         self, k: int, bodies: Sequence[BodyState], links: RadioLinks, working: Sequence[int]
     ) -> list[Situation]:
-        """One situation per working UAV at the decision of scan k; `bodies` has the state of each UAV."""
+        """Go on to the decision of scan k; return the situation of each working UAV.
+
+        bodies: the state of each UAV, as it believes it to be.
+        """
         time = k / self._scenario.rates.sensing
-        fleet = [vehicle_of(i, body.pose, body.velocity, self._scenario) for i, body in enumerate(bodies)]
+        fleet = [vehicle_of(self._scenario, i, body) for i, body in enumerate(bodies)]
         self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
         takes_time = self._scenario.network.takes_time
         heard = {i: links.find_heard(i, takes_time=takes_time) for i in working}

@@ -9,21 +9,20 @@ from numpy.typing import NDArray
 
 from planning.planner import Plan, Planner, Situation
 from planning.planner_loading import give_truth, read_exchange, reset_planner
+from sim.mission.fault import BREAKDOWN, DETECTOR, Fault
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import draw_links
 from sim.mission.snapshot import FlownPlans, Snapshot, measure_errors
+from sim.mission.stopwatch import Stopwatch
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.world_setup import Air, draw_starts, make_forest_and_people
 from sim.scenario.quantities import parse_seed_and_repeat
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import camera_pose
-from sim.sensing.fault import BREAKDOWN, Fault
 from sim.sensing.navigation import make_navigation_errors
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
-from sim.sensing.stopwatch import Stopwatch
 from sim.world.trajectories import Trajectories
 from sim.world.world import World
 from tracking.errors import InputError
@@ -49,7 +48,7 @@ class Mission:
         self.scenario = scenario = draw_starts(scenario, seed)
         self.clock = Stopwatch()
         self.faults: list[Fault] = []
-        self.frames: list[NDArray[np.uint8] | None] = []  # images of the present scan, one per UAV; None: not rendered
+        self.images: list[NDArray[np.uint8] | None] = []  # of the present scan, one per UAV; None: not rendered
         self.present: Snapshot  # of the present scan before its decision, with ground truth; stays when it is over
         self.forest, self.people = make_forest_and_people(scenario, seed)
         # An oracle gets access to the true positions here.
@@ -75,7 +74,7 @@ class Mission:
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, flown at present
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         try:
-            self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
+            self._sensors = Sensors(scenario, self._world, self.forest, chance("sensors"))
             self._sense_and_track()
         except BaseException:
             self.close()
@@ -145,7 +144,7 @@ class Mission:
         with self.clock.measure("physics"):
             self._world.place_people(people, headings)
         bodies = self._world.poses()
-        cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
+        cameras = [uav.camera_pose(body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
         believed = self._believe(cameras)
         heights = [own.position[2] - true.position[2] for own, true in zip(believed, cameras, strict=True)]
@@ -153,22 +152,29 @@ class Mission:
         readings = []
         for i, pose in enumerate(cameras):
             shot = Shot(i, k, time, pose, people, believed[i] if self._errors[i] else None)
-            readings.append(self._sensors.take(shot) if takes[i] else self._sensors.rest(shot))
-        faults += [fault for reading in readings for fault in reading.faults]
+            if not takes[i]:
+                readings.append(self._sensors.rest(shot))
+                continue
+            with self.clock.measure("rendering"):
+                shot = self._sensors.expose(shot)
+            with self.clock.measure("detection"):
+                readings.append(self._sensors.read(shot))
+            faults += [Fault(time, i, f"{DETECTOR}{error}", error.trace) for error in readings[i].errors]
         places = np.array([body.position for body in bodies])
         links = draw_links(self.scenario.network, time, places, self._radio)
         with self.clock.measure("tracking"):
-            tracks, sent = self._knowledge.track(time, readings, links, self._working)
+            scans = {i: reading.scan for i, reading in enumerate(readings) if takes[i]}
+            tracks, sent = self._knowledge.track(time, scans, links, self._working)
         if self._working and self.scenario.decides(k):
             with self.clock.measure("tracking"):
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
                 known = [v + errors.velocity if errors else v for v, errors in velocities]
                 states = list(map(BodyState, self._believe(bodies), known))
-                self._situations = self._knowledge.make_situations(k, states, links, self._working)
+                self._situations = self._knowledge.begin_decision(k, states, links, self._working)
         else:
             self._situations = []
         self.faults += faults
-        self.frames = [reading.image for reading in readings]
+        self.images = [reading.image for reading in readings]
         self.present = Snapshot(
             time=time,
             people=people,
@@ -176,7 +182,8 @@ class Mission:
             poses=bodies,
             cameras=cameras,
             believed=believed if any(self._errors) else None,
-            frames=np.array(takes),
+            working=self._working,
+            frames_taken=np.array(takes),
             commands=self._commands,
             scans=[reading.scan for reading in readings],
             pixels=[reading.pixels for reading in readings],

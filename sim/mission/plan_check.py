@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from planning.planner import Plan, Planner, Situation, check_count, copy_plan, limit_speed
-from sim.sensing.fault import Fault
+from sim.mission.fault import CLIPPED, Fault
 from tracking.errors import InputError, spell
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -84,7 +84,7 @@ def _limit(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
         fastest = length(controls).max()
         limited = Plan(limit_speed(controls, own.max_speed), plan.others)
     if fastest > own.max_speed * (1 + 1e-6):
-        text = f"speed {spell(fastest, 3)} m/s exceeds {own.max_speed:g} m/s; clipped"
+        text = f"speed {spell(fastest, 3)} m/s exceeds {own.max_speed:g} m/s{CLIPPED}"
         faults.append(Fault(situation.time, own.id, text))
     return limited
 

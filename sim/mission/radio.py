@@ -87,7 +87,7 @@ class Sender:
 
     def __init__(self, network: Network) -> None:
         self._rate = network.rate
-        self._patience = network.holds
+        self._patience = network.longest_wait
         self._free = 0.0  # s, from when on nothing waits to be sent
 
     def send(self, time: float, size: int) -> float | None:

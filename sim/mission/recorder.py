@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Plan
+from sim.mission.fault import Fault
 from sim.mission.recording import FIELDS, VERSION, Recording, encode_faults
 from sim.mission.snapshot import Snapshot
-from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices

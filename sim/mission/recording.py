@@ -12,10 +12,10 @@ import msgspec
 import numpy as np
 
 from planning.planner import Plan
+from sim.mission.fault import Fault
 from sim.mission.snapshot import FlownPlans, Snapshot
 from sim.scenario.loading import decode_recorded
 from sim.scenario.scenario import Scenario
-from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS, Contact
 from tracking.errors import InputError, one_line
 from tracking.geometry.camera import Pose
@@ -309,7 +309,8 @@ class Recording:
             poses=self.poses_at(k),
             cameras=[self.camera_at(k, i) for i in uavs],
             believed=None if self.believed is None else [self.believed_camera_at(k, i) for i in uavs],
-            frames=self.frames_taken[k],
+            working=np.flatnonzero(self.working[k]).tolist(),
+            frames_taken=self.frames_taken[k],
             scans=[self.scan_at(k, i) for i in uavs],
             pixels=[self.pixels_at(k, i) for i in uavs],
             tracks=[self.tracks_at(k, i) for i in uavs],

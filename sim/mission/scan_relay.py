@@ -50,8 +50,8 @@ class ScanRelay:
         for message in self._inboxes[uav].take(time):
             for sent in message:
                 name = sent.k, sent.uav, type(sent.content)
-                holds = self._network.holds * (2 if isinstance(sent.content, Message) else 1)
-                if name not in known and time - sent.content.time <= holds:
+                age = self._network.longest_wait * (2 if isinstance(sent.content, Message) else 1)
+                if name not in known and time - sent.content.time <= age:
                     known.add(name)
                     self.received[uav].append(sent)
         return self.received[uav]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.planner import Plan
-from sim.sensing.fault import Fault
+from sim.mission.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
 from tracking.metrics.ospa import ospa
@@ -33,7 +33,8 @@ class Snapshot:
     poses: list[Pose]  # of the bodies of the n UAVs
     cameras: list[Pose]
     believed: list[Pose] | None = None  # poses that UAVs believe their cameras to have; None if they are the true ones
-    frames: Flags  # (n,) True where the camera took a frame
+    working: list[int]  # UAVs that have not broken down; the others have neither tracks nor an error
+    frames_taken: Flags  # (n,) True where the camera took a frame
     commands: Array  # (n, 2) m/s, commands on the way to this scan
     scans: list[Scan]
     pixels: list[Array]  # (N_i, 2) positions of the measurements in each image; empty in ideal sensing
@@ -48,11 +49,6 @@ class Snapshot:
     plan_bytes: Indices  # (n,) sent to neighbours for the plans of this scan
     plan_rounds: int  # number of rounds in which these plans were sent
     faults: tuple[Fault, ...] = ()  # of planner and detectors at this scan, and breakdowns since the previous one
-
-    @property
-    def working(self) -> list[int]:
-        """UAVs that have not broken down; a UAV that has broken down has neither tracks nor an error."""
-        return np.flatnonzero(~np.isnan(self.ospa[:, 0])).tolist()
 
     @property
     def error(self) -> float:

@@ -157,7 +157,7 @@ class LateTeammates(Teammates):
         expected, self._known = self._known, {}
         for pair, report in self._heard.items():
             steps, plan = round((time - report.time) / step), report.plan.controls
-            if works[list(pair)].all() and (steps <= len(plan) or time - report.time <= self._network.holds):
+            if works[list(pair)].all() and (steps <= len(plan) or time - report.time <= self._network.longest_wait):
                 vehicle = report.vehicle
                 for n in range(steps):
                     vehicle = vehicle_after(vehicle, plan[n] if n < len(plan) else vehicle.velocity, step)

@@ -9,7 +9,6 @@ from sim.mission.radio import RadioLinks
 from sim.mission.scan_relay import ScanRelay, Sent
 from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import view_of
 from tracking.fusion.consensus import step
 from tracking.fusion.late_scans import FleetState, ScanLog
 from tracking.fusion.member import Member, make_tracker
@@ -20,11 +19,11 @@ from tracking.track import Scan, Track
 
 def make_trackers(scenario: Scenario, forest: Forest, initial: Sequence[Track]) -> list[Member]:
     """One tracker per UAV; each has its own parameters and tracks, because a plug-in may change them."""
-    name = scenario.tracking.tracker
-    return [
-        make_tracker(name, i, view_of(uav, scenario), forest, make_tracker_parameters(scenario, i), deepcopy(initial))
-        for i, uav in enumerate(scenario.uavs)
-    ]
+    made = []
+    for i in range(len(scenario.uavs)):
+        camera, parameters = scenario.believed_camera(i), make_tracker_parameters(scenario, i)
+        made.append(make_tracker(scenario.tracking.tracker, i, camera, forest, parameters, deepcopy(initial)))
+    return made
 
 
 class TrackerFleet:
@@ -36,9 +35,9 @@ class TrackerFleet:
         self.relay = ScanRelay(self._network, len(self._trackers))
         self._k = 0  # number of the next scan
         start = FleetState(self._trackers)
-        hold = max(round(self._network.holds * scenario.rates.sensing), 1)
+        wait = max(round(self._network.longest_wait * scenario.rates.sensing), 1)
         uavs = range(len(self._trackers) if self._network.takes_time else 0)
-        self._logs = [ScanLog(i, start, hold) for i in uavs]
+        self._logs = [ScanLog(i, start, wait) for i in uavs]
 
     def __getitem__(self, uav: int) -> Member:
         """A UAV's tracker after the last scan."""

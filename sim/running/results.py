@@ -112,9 +112,10 @@ def fly_into(
         for snapshot in flying:
             if video:
                 with mission.clock.measure("video"):
-                    video.add(snapshot, mission.frames)
+                    video.add(snapshot, mission.images)
             progress(ScanProgress(snapshot.time, snapshot.ospa[snapshot.working, 0].tolist()))
             if stops():
+                say("Interrupted; what was flown is being written. Another Ctrl-C keeps nothing.")
                 break
     outcome = flying.land()
     start = time.perf_counter()

@@ -13,8 +13,9 @@ from sim.installation import ASSETS
 from sim.scenario.text_files import find_toml_file, read_text, read_toml
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera
-from tracking.geometry.distortion import Distortion, distort
-from tracking.numerics.trigonometry import tan
+from tracking.geometry.distortion import Distortion, distort, find_reach
+from tracking.geometry.lens import Optics, plane_point
+from tracking.numerics.trigonometry import arctan2, tan
 from tracking.settings import read_settings
 
 CAMERAS = {path.stem: path for path in sorted((ASSETS / "cameras").glob("*.toml"))}
@@ -41,7 +42,8 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, omit_defau
 
     width: Annotated[int, Meta(ge=_LEAST, le=20_000)]  # pixels
     height: Annotated[int, Meta(ge=_LEAST, le=20_000)]  # pixels
-    hfov_deg: Annotated[float, Meta(ge=1, lt=170)] | None = None  # deg, between the ends of the middle row
+    # deg, between the lines of sight through both ends of the middle row
+    hfov_deg: Annotated[float, Meta(ge=1, lt=170)] | None = None
     focal: tuple[Pixels, Pixels] | None = None  # pixels, `[fx, fy]`, instead of `hfov_deg`
     # pixels, principal point `[cx, cy]`, counted as in OpenCV: the centre of the first pixel is 0, 0; by default the
     # middle of the image
@@ -74,18 +76,39 @@ def make_camera(settings: CameraSettings, *, believed: bool = False) -> Camera:
     belief = settings.believed if believed and settings.believed else Belief()
     given = settings.distortion if belief.distortion is None else belief.distortion
     bend = Distortion(*given)
-    focal = belief.focal or settings.focal
-    if focal is None:
-        edge = distort(Distortion(*settings.distortion), tan(math.radians(settings.hfov_deg or 0.0) / 2), 0.0)[0]
-        if not edge > 0.0:
-            raise ValueError(f"distortion: {list(settings.distortion)} folds the image over; expected less of it")
-        focal = (width / 2 / edge, width / 2 / edge)
+    focal = belief.focal or settings.focal or (_find_focal(settings),) * 2
     cx, cy = belief.centre or settings.centre or (width / 2 - _CENTRE, height / 2 - _CENTRE)
     size = _scale_size(settings)
     across, down = size[0] / width, size[1] / height
     lengths = (focal[0] * across, focal[1] * down)
     centre = ((cx + _CENTRE) * across, (cy + _CENTRE) * down)
     return Camera.calibrated(*size, lengths, centre, bend)
+
+
+def _find_focal(settings: CameraSettings) -> float:
+    """The focal length [pixel] with which the middle row spans `hfov_deg`; ValueError if the lens folds before."""
+    bend, angle = Distortion(*settings.distortion), math.radians(settings.hfov_deg or 0.0)
+    width, height, reach = settings.width, settings.height, find_reach(bend)
+    if settings.centre is None and bend.p1 == bend.p2 == 0.0:
+        slope = tan(angle / 2)
+        if slope * slope <= reach or reach == 0.0:
+            return width / 2 / distort(bend, slope, 0.0)[0]
+    else:
+        cx, cy = settings.centre or (width / 2 - _CENTRE, height / 2 - _CENTRE)
+        low, high, spans = 0.0, 1e7, math.nan
+        for _ in range(100):  # a view beyond the reach of the lens is NaN, and too wide
+            focal = (low + high) / 2
+            optics = Optics(focal, focal, cx + _CENTRE, cy + _CENTRE, width, height, bend, reach)
+            (a, b), (x, y) = (plane_point(optics, end, height / 2) for end in (0.0, float(width)))
+            across = math.sqrt((b - y) * (b - y) + (x - a) * (x - a) + (a * y - b * x) * (a * y - b * x))
+            spans = arctan2(across, 1.0 + a * x + b * y)
+            low, high = (low, focal) if spans <= angle else (focal, high)
+        if math.isclose(spans, angle, rel_tol=1e-6):
+            return focal
+        if reach == 0.0:
+            allowed = "expected one in the image, or focal in its place"
+            raise ValueError(f"centre: {[cx, cy]} spans no hfov_deg of {settings.hfov_deg:g}; {allowed}")
+    raise ValueError(f"distortion: {list(settings.distortion)} folds the image over; expected less of it")
 
 
 def _scale_size(settings: CameraSettings) -> tuple[int, int]:

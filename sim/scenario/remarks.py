@@ -8,9 +8,10 @@ import numpy as np
 from sim.scenario.environment import FILE_KEYS, People, Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from tracking.detection.noise import NoiseModel
 from tracking.errors import list_numbers, spell
 
+_MOST_PIXELS = 2_000_000  # of an image, which takes about a second to render
+_USUAL = 640 * 480
 _MOST_CLUTTER = 0.05  # false detections in the area of a person's; in missions with 0.07, few people get tracks
 
 # Keys that are not used if another key of the same table has this value.
@@ -47,25 +48,24 @@ def find_remarks(scenario: Scenario) -> list[str]:
         + _remark_on_false_alarms(scenario)
         + _remark_on_clutter(scenario)
         + find_small_people(scenario)
+        + _remark_on_large_images(scenario)
     )
 
 
 def _remark_on_clutter(scenario: Scenario) -> list[str]:
     """Remark if the tracker expects so much clutter that detections of people say little."""
     density = scenario.tracking.clutter_density
-    expected = density * min(_compute_effective_area(scenario, uav) for uav in scenario.uavs)
+    expected = density * min(_compute_effective_area(scenario, i) for i in range(len(scenario.uavs)))
     if expected < _MOST_CLUTTER:
         return []
     place = f"{spell(expected, 2)} false detections where a person's own would be"
     return [f"tracking.clutter_density: {density:g} per m2 means {place}; few tracks or none will begin"]
 
 
-def _compute_effective_area(scenario: Scenario, uav: Uav) -> float:
+def _compute_effective_area(scenario: Scenario, uav: int) -> float:
     """Area [m²] over which measurements of a person halfway to the edge of a UAV's view scatter, 2 pi sqrt |R|."""
-    noise = NoiseModel.range_bearing(uav.alpha)
-    if scenario.sensing.noise == "camera":
-        noise = NoiseModel.camera(uav.believed_camera, uav.altitude)
-    (xx, xy), (_, yy) = noise.covariance(np.zeros(2), np.array([uav.footprint / 4, 0.0]))
+    halfway = np.array([scenario.uavs[uav].footprint / 4, 0.0])
+    (xx, xy), (_, yy) = scenario.noise_model(uav).covariance(np.zeros(2), halfway)
     return 2 * math.pi * math.sqrt(xx * yy - xy * xy)
 
 
@@ -76,6 +76,19 @@ def find_small_people(scenario: Scenario) -> list[str]:
         told.setdefault(describe_small_people(uav), []).append(i)
     seldom = "which will seldom or never see one; a smaller footprint or more pixels show people"
     return [f"uavs: {text} of the image of {list_numbers('UAV', i)}, {seldom}" for text, i in told.items() if text]
+
+
+def _remark_on_large_images(scenario: Scenario) -> list[str]:
+    """Remarks on UAVs whose images take long to render."""
+    found = []
+    for i, uav in enumerate(scenario.uavs if scenario.sensing.renders else ()):
+        width, height = uav.true_camera.size
+        if width * height > _MOST_PIXELS:
+            share = math.sqrt(_USUAL / (width * height))
+            key = f"camera.scale={uav.camera.scale * share:.2f}" if uav.camera else f"pixels={uav.pixels * share:.0f}"
+            slow = f"images of {width} × {height} pixels take a second or more each to render"
+            found.append(f"uavs.{i}: {slow}; faster with --set uavs.{i}.{key}")
+    return found
 
 
 def describe_small_people(uav: Uav) -> str:

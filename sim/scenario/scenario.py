@@ -13,10 +13,12 @@ from sim.scenario.environment import APPEARANCES, WALKS, Appearance, Area, Peopl
 from sim.scenario.quantities import Path, count_scans, simplify_number
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav, UavSettings
+from tracking.detection.noise import NoiseModel
 from tracking.errors import InputError, check_known, spell
 from tracking.filter.motion import MOTION_MODELS
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
+from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.navigation import Navigation
 from tracking.parameters import Tracking
 from tracking.plugins.registry import Registry
@@ -112,9 +114,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             )
         if self.network.takes_time:
             for least, what in ((latest, "that messages may take"), (1 / self.rates.sensing, "between scans")):
-                if self.network.holds < least:
+                if self.network.longest_wait < least:
                     raise ValueError(
-                        f"network.hold: {self.network.holds:g} s must not be less than the {least:g} s {what}"
+                        f"network.hold: {self.network.longest_wait:g} s must not be less than the {least:g} s {what}"
                     )
         _check_multiple("network.plan_delay", self.network.plan_delay, self.rates.sensing, "scans")
         _check_multiple("first_decision", self.first_decision, self.rates.planning, "decisions")
@@ -193,6 +195,24 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         """
         starts = [self.plan_start(time) for time in decided]
         return [bisect_right(starts, time + _ROUNDING) - 1 for time in now]
+
+    def true_camera(self, uav: int) -> Camera:
+        """The camera through which a UAV sees: its own, or one with an unlimited field of view."""
+        return self._all_round(uav) or self.uavs[uav].true_camera
+
+    def believed_camera(self, uav: int) -> Camera:
+        """The camera of a UAV's measurements, as the fleet believes it to be."""
+        return self._all_round(uav) or self.uavs[uav].believed_camera
+
+    def _all_round(self, uav: int) -> Camera | None:
+        return Camera(ALL_ROUND, self.uavs[uav].pixels) if self.sensing.field_of_view == "unlimited" else None
+
+    def noise_model(self, uav: int) -> NoiseModel:
+        """The measurement noise of a UAV's camera."""
+        own = self.uavs[uav]
+        if self.sensing.noise == "range_bearing":
+            return NoiseModel.range_bearing(own.alpha)
+        return NoiseModel.camera(own.believed_camera, own.altitude)
 
     def works(self, uav: int, time: float) -> bool:
         """True if a UAV has not broken down at a time [s]."""

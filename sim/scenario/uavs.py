@@ -10,8 +10,9 @@ from msgspec import Meta, Struct
 from sim.scenario.camera_settings import CameraSettings, make_camera, read_camera
 from sim.scenario.quantities import Point, simplify_number
 from tracking.errors import check_known, spell
-from tracking.geometry.camera import Camera
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import AREA_FROM_ABOVE
+from tracking.geometry.quaternions import level_attitude, pitch
 from tracking.navigation import NAVIGATION, Navigation
 from tracking.numerics.trigonometry import arctan2, cos, sin
 from tracking.settings import DAY, Probability, Speed, Time
@@ -84,6 +85,16 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
         if self.camera is None:
             return Camera(math.radians(self.fov_deg), self.pixels)
         return make_camera(self.camera, believed=believed)
+
+    def camera_pose(self, body: Pose) -> Pose:
+        """Pose of the UAV's camera.
+
+        A fixed camera turns with the body. A camera on a gimbal keeps the pose that it has on a level body that faces
+        east. Without a mounting angle it then looks straight down with north up; the angle pitches it towards the
+        body's x axis.
+        """
+        carrier = np.array(level_attitude(0.0)) if self.mount == "gimbal" else body.quaternion
+        return Pose(body.position, pitch(carrier, math.radians(self.tilt_deg)))
 
     @property
     def readout(self) -> float:
@@ -242,8 +253,8 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
         return self.delay > 0.0 or self.jitter > 0.0 or self.rate is not None
 
     @property
-    def holds(self) -> float:
-        """Time for which UAVs wait for scans [s]."""
+    def longest_wait(self) -> float:
+        """Time for which UAVs wait for scans, and messages for being sent [s]."""
         return 2.0 * (self.delay + self.jitter) + 1.0 if self.hold is None else self.hold
 
     def check(self, uavs: int) -> None:

@@ -2,8 +2,7 @@
 
 import timeit
 from collections.abc import Sequence
-from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import Any
 
@@ -25,6 +24,7 @@ from tracking.plugins.plugin_error import PluginError, plugin_call
 from tracking.testing.stage import EMPTY, FOREST, HEADINGS, ORDINARY, PEOPLE, TILTED, VIEWS
 
 _UAV = Uav(start=(74.0, 49.0))
+_RGB, _BGR = slice(None), slice(None, None, -1)
 _SEED = 5  # with which stateful detectors are reset
 _BEFORE = tuple(k / 5 for k in range(-25, 0))  # s, times of the frames that a stateful detector gets first
 
@@ -77,6 +77,7 @@ class _Subject:
 
     name: str
     found: dict[str, Detections] = field(default_factory=dict)
+    writes: bool = False  # into the images of frames
 
     def make(self) -> Any:  # noqa: ANN401 - a plug-in
         """A new instance, reset if it is stateful."""
@@ -88,21 +89,23 @@ class _Subject:
         """Number of people that are found in a staged frame."""
         return int(np.sum(stage_frames()[frame][0].match(self.found[frame]) >= 0))
 
-    def look(self, made: Any, name: str) -> Detections:  # noqa: ANN401 - a plug-in
+    def look(self, made: Any, name: str, colours: slice = _RGB) -> Detections:  # noqa: ANN401 - a plug-in
         """What an instance finds in the staged frame of that name, if it is stateful after the frames before."""
         if DETECTORS.is_stateful(self.name, made):
             for staged in stage_frames(_BEFORE)[name]:
-                _detect(made, staged)
-        return _detect(made, stage_frames()[name][0])
+                self._detect(made, staged, colours)
+        return self._detect(made, stage_frames()[name][0], colours)
 
-
-def _detect(made: Any, staged: StagedFrame) -> Detections:  # noqa: ANN401 - a plug-in
-    """What a detector finds in a staged frame; PluginError if that cannot be used."""
-    with plugin_call(made, "detect"):
-        frame = deepcopy(staged.frame)
-        if isinstance(made, MaskDetector):
-            return made.detect(frame, staged.mask)
-        return check_detections(made.detect(frame))
+    def _detect(self, made: Any, staged: StagedFrame, colours: slice) -> Detections:  # noqa: ANN401 - a plug-in
+        """What a detector finds in a staged frame; PluginError if that cannot be used."""
+        image = staged.frame.image[..., colours]
+        frame = replace(staged.frame, image=image.copy())
+        with plugin_call(made, "detect"):
+            if isinstance(made, MaskDetector):
+                return made.detect(frame, staged.mask)
+            found = check_detections(made.detect(frame))
+        self.writes |= not np.array_equal(frame.image, image)
+        return found
 
 
 def _check_detections(subject: _Subject) -> str:
@@ -111,13 +114,18 @@ def _check_detections(subject: _Subject) -> str:
             subject.found[name] = subject.look(subject.make(), name)
         except PluginError as error:
             raise PluginError(f"{name}: {error}", error.trace) from error
-    return f"usable in {len(subject.found)} frames"
+    writes = "; it writes into frame.image: give it a copy of an image that you keep" if subject.writes else ""
+    return f"usable in {len(subject.found)} frames{writes}"
 
 
 def _check_people(subject: _Subject) -> str:
     hits = subject.count_hits(ORDINARY)
     wrong = len(subject.found[ORDINARY].ground) - hits
     seen = f"{hits} of {len(PEOPLE)} in plain view, {wrong} false detection{'s' * (wrong != 1)}"
+    if 2 * hits < len(PEOPLE):
+        exchanged = stage_frames()[ORDINARY][0].match(subject.look(subject.make(), ORDINARY, _BGR))
+        count = np.sum(exchanged >= 0)
+        seen += f"; {count} with red and blue exchanged: images are RGB, not BGR as OpenCV's" if count > hits else ""
     require(2 * hits >= len(PEOPLE) >= wrong, seen)
     return seen
 
@@ -160,7 +168,7 @@ def _check_repeatable(subject: _Subject) -> str:
 
 
 def _check_time(subject: _Subject) -> str:
-    seconds = timeit.repeat(partial(_detect, subject.make(), stage_frames()[ORDINARY][0]), repeat=6, number=1)
+    seconds = timeit.repeat(partial(subject.look, subject.make(), ORDINARY), repeat=6, number=1)
     return describe_time(seconds[1:], "a frame of 128 x 128 pixels")  # the first may prepare something
 
 

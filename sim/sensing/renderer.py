@@ -1,7 +1,6 @@
 """Rendered images of the world: one of PyBullet's renderers draws bodies, and this module the ground behind them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -19,6 +18,7 @@ from sim.sensing.culling import (
     select_standing,
 )
 from sim.sensing.rolling_shutter import Sweep
+from sim.sensing.sensor_mode import Rendered
 from sim.world.appearance import AMBIENT, DIFFUSE, LIGHT
 from sim.world.engine import pybullet
 from sim.world.lens_images import StraightView, cut_rows, straighten
@@ -127,14 +127,6 @@ _LIGHT: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Rendered:
-    """An image and its mask of people; the mask is ground truth, for recordings and tests only."""
-
-    image: NDArray[np.uint8]  # (H, W, 3) RGB
-    people: NDArray[np.int32]  # (H, W) index of the person at each pixel, -1 elsewhere
-
-
 class Renderer:
     """Renderer of one world; no other object sets the visibility of the world's bodies.
 
@@ -152,40 +144,47 @@ class Renderer:
         self._ground = Ground(self._style.ground_tint, self._style.ground_place)
 
     def take(self, uav: int, time: float, camera: Camera, pose: Pose, sweep: Sweep | None = None) -> Rendered:
-        """The frame that a UAV's camera delivers at a time [s]: the view with the camera's blur, exposure and noise.
+        """The frame that a UAV's camera delivers at a time [s]: the view with the camera's blur, exposure and noise."""
+        view = self.render(camera, pose, sweep)
+        return Rendered(self._style.develop(view.image, uav, time), view.people)
+
+    def render(self, camera: Camera, pose: Pose, sweep: Sweep | None = None) -> Rendered:
+        """The view of a camera at a pose, without blur, exposure and noise.
 
         sweep: the motion while it is read out, if its rows are not exposed at once.
         """
-        view = self.render(camera, pose) if sweep is None else self._render_strips(camera, pose, sweep)
-        return Rendered(self._style.develop(view.image, uav, time), view.people)
+        images, masks = [], []
+        for strip, at, seen in self._cut_strips(camera, pose, sweep):
+            found, people = self._capture(strip, at, seen)
+            self._ground.draw(found.image, found.bodies, strip, at)
+            images.append(found.image)
+            masks.append(people)
+        return Rendered(np.vstack(images), np.vstack(masks))
 
-    def render(self, camera: Camera, pose: Pose) -> Rendered:
-        """The view of a camera at a pose, without blur, exposure and noise."""
-        return self._render(straighten(camera), pose, self.in_view(camera, pose))
+    def find_people(self, camera: Camera, pose: Pose, sweep: Sweep | None = None) -> NDArray[np.int32]:
+        """The mask of people (H, W) of that view, in a fraction of the time."""
+        return np.vstack([self._capture(*strip)[1] for strip in self._cut_strips(camera, pose, sweep)])
 
-    def _render_strips(self, camera: Camera, pose: Pose, sweep: Sweep) -> Rendered:
-        """The view of a camera in strips of rows, each at the time of its middle."""
+    def _cut_strips(
+        self, camera: Camera, pose: Pose, sweep: Sweep | None
+    ) -> Iterator[tuple[StraightView, Pose, Flags]]:
+        """Strips of rows of a view, each with the camera's pose at the time of its middle, and the bodies (B,) in view.
+
+        People are where they are at that time until the next strip is asked for.
+        """
+        view = straighten(camera)
+        if sweep is None:
+            yield view, pose, self.in_view(camera, pose)
+            return
         edges = sweep.edges(camera, float(pose.position[2]))
         middles = (np.array(edges[:-1]) + np.array(edges[1:])) / 2
         delays = sweep.delays(middles, camera.size[1]).tolist()
         seen = np.logical_or.reduce([self.in_view(camera, sweep.pose_at(pose, t)) for t in (delays[0], delays[-1])])
         positions, headings = self._world.people
-        strips, view = [], straighten(camera)
         for (top, bottom), delay in zip(pairwise(edges), delays, strict=True):
             self._world.place_people(positions + delay * sweep.people, headings)
-            strips.append(self._render(cut_rows(view, top, bottom), sweep.pose_at(pose, delay), seen))
+            yield cut_rows(view, top, bottom), sweep.pose_at(pose, delay), seen
         self._world.place_people(positions, headings)
-        return Rendered(np.vstack([s.image for s in strips]), np.vstack([s.people for s in strips]))
-
-    def _render(self, view: StraightView, pose: Pose, seen: Flags) -> Rendered:
-        """A view with some of the bodies (B,)."""
-        found, people = self._capture(view, pose, seen)
-        self._ground.draw(found.image, found.bodies, view, pose)
-        return Rendered(found.image, people)
-
-    def find_people(self, camera: Camera, pose: Pose) -> NDArray[np.int32]:
-        """The mask of people (H, W) of that view, in a fraction of the time."""
-        return self._capture(straighten(camera), pose, self.in_view(camera, pose))[1]
 
     def _capture(self, view: StraightView, pose: Pose, seen: Flags) -> tuple["Capture", NDArray[np.int32]]:
         """The view before the ground is drawn, and its mask of people."""

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,22 +11,15 @@ from tracking.geometry.quaternions import mean_spin, rotate
 from tracking.numerics.arrays import Array
 
 _STRIP = 1.0  # pixel, motion of the image in one strip of equally old rows
+_WALKED = 0.25  # pixel, motion of people on the ground meanwhile: the strips of a hovering camera
 _LEAST_ROWS = 4  # of a strip
-
-
-class Glimpse(NamedTuple):
-    """Camera and people at the time of a frame."""
-
-    time: float  # s
-    pose: Pose
-    people: Array  # (M, 2) m, NaN if absent
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
     """Motion while an image is read out; its middle row is exposed at the time of the frame.
 
-    Note: velocities are the means since the camera's last frame.
+    Note: velocities are the means since the camera's last frame; without one there is no motion.
     """
 
     readout: float  # s, from the first row to the last
@@ -36,18 +28,14 @@ class Sweep:
     people: Array  # (M, 2) m/s
 
     @staticmethod
-    def between(before: Glimpse | None, now: Glimpse, readout: float) -> "Sweep | None":
-        """The sweep of a frame, given the one before; without motion if there is none. None without a readout."""
-        if not readout:
-            return None
-        if before is None:
-            return Sweep(readout, np.zeros(3), np.zeros(3), np.zeros_like(now.people))
-        elapsed = now.time - before.time
+    def between(poses: tuple[Pose, Pose], people: tuple[Array, Array], elapsed: float, readout: float) -> "Sweep":
+        """The sweep of a frame, given camera and people (M, 2) m `elapsed` s before it and at its time."""
+        (before, now), (there, here) = poses, people
         return Sweep(
             readout,
-            (now.pose.position - before.pose.position) / elapsed,
-            mean_spin(before.pose.quaternion, now.pose.quaternion, elapsed),
-            np.nan_to_num((now.people - before.people) / elapsed),
+            (now.position - before.position) / elapsed,
+            mean_spin(before.quaternion, now.quaternion, elapsed),
+            np.nan_to_num((here - there) / elapsed),
         )
 
     def delays(self, rows: Array, height: int) -> Array:
@@ -63,8 +51,10 @@ class Sweep:
         """Rows at which strips of an image begin, and its end; `height` of the camera above ground [m]."""
         rows = camera.size[1]
         speed = math.sqrt(float(np.sum(np.square(self.velocity)))) / max(height, 1.0)
+        walking = math.sqrt(float(np.sum(np.square(self.people), axis=1).max(initial=0.0))) / max(height, 1.0)
         moved = camera.focal * self.readout * (speed + math.sqrt(float(np.sum(np.square(self.spin)))))
-        strips = min(max(math.ceil(moved / _STRIP), 1), rows // _LEAST_ROWS)
+        walked = camera.focal * self.readout * walking
+        strips = min(max(math.ceil(moved / _STRIP), math.ceil(walked / _WALKED), 1), rows // _LEAST_ROWS)
         return [rows * k // strips for k in range(strips + 1)]
 
     def corrections(self, camera: Camera, pose: Pose, pixels: Array) -> Array:

@@ -1,24 +1,31 @@
 """Sensor modes, which make detections before noise, misses and false alarms: the interface and the ideal mode."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import true_view_of
-from sim.sensing.fault import Fault
 from sim.sensing.rolling_shutter import Sweep
-from sim.sensing.stopwatch import Stopwatch
-from sim.world.world import World
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
 from tracking.numerics.arrays import Array, Indices
+from tracking.plugins.plugin_error import PluginError
 from tracking.registration.pose_errors import move_to_believed
 
 Noise = Literal["added", "none"]
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """An image and its mask of people; the mask is ground truth, for recordings and tests only."""
+
+    image: NDArray[np.uint8]  # (H, W, 3) RGB
+    people: NDArray[np.int32]  # (H, W) index of the person at each pixel, -1 elsewhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +41,7 @@ class Shot:
         believed: the pose that the UAV believes its camera to have; None if that is the true one.
         sweep: motion while the image is read out; None if its rows are exposed at once.
         believed_sweep: the same as the UAV believes, without people.
+        rendered: the frame and its mask of people; None without images.
     """
 
     uav: int
@@ -44,11 +52,29 @@ class Shot:
     believed: Pose | None = None
     sweep: Sweep | None = None
     believed_sweep: Sweep | None = None
+    rendered: Rendered | None = None
 
     @property
     def pose(self) -> Pose:
         """The pose that the UAV believes its camera to have."""
         return self.believed or self.true
+
+    def expose(self, before: "Shot | None", readout: float) -> "Shot":
+        """The shot with the motion since the UAV's last one, while its rows are exposed one after another.
+
+        readout: time from the first row to the last [s]; 0 if all are exposed at once.
+        """
+        if not readout:
+            return self
+        last, elapsed = before or self, self.time - before.time if before else math.inf
+        sweep = Sweep.between((last.true, self.true), (last.people, self.people), elapsed, readout)
+        # What the UAV believes holds its own motion, and nothing of people.
+        nobody = self.people[:0]
+        return replace(
+            self,
+            sweep=sweep,
+            believed_sweep=Sweep.between((last.pose, self.pose), (nobody, nobody), elapsed, readout),
+        )
 
     def locate(self, points: Array) -> Array:
         """Where the UAV believes people at points (N, 2) m to be, as its pose errs; NaN where it sees no ground."""
@@ -61,18 +87,14 @@ class SensorSetup:
 
     Attributes:
         scenario: settings of the mission.
-        world: the engine's bodies.
         forest: trees and their model of occlusion.
         cameras: one per UAV, as the fleet believes them to be.
-        clock: counts the time of stages.
         rng: source of what the mode draws at random.
     """
 
     scenario: Scenario
-    world: World
     forest: Forest
     cameras: list[Camera]
-    clock: Stopwatch
     rng: np.random.Generator
 
 
@@ -89,7 +111,7 @@ class SensorOutput:
             `"none"`: both are used as they are.
         frame: the image, if the mode has one.
         pixels: (N, 2), positions of the detections in the frame, if there is one.
-        faults: what went wrong, for the summary.
+        errors: of the detector; each becomes a fault of the mission.
     """
 
     ground: Array
@@ -99,7 +121,7 @@ class SensorOutput:
     noise: Noise = "added"
     frame: Frame | None = None
     pixels: Array | None = None
-    faults: tuple[Fault, ...] = ()
+    errors: tuple[PluginError, ...] = ()
 
 
 class SensorMode(Protocol):
@@ -121,21 +143,20 @@ class LineOfSightMode:
 
     def sense(self, shot: Shot) -> SensorOutput:
         """As `SensorMode.sense`."""
-        with self.setup.clock.measure("detection"):
-            scenario = self.setup.scenario
-            forest = self.setup.forest
-            people = shot.people
-            pose = shot.true
-            points = at_target_height(np.nan_to_num(people))
-            present = ~np.isnan(people[:, 0])
-            camera = true_view_of(scenario.uavs[shot.uav], scenario)
-            believed = self.setup.cameras[shot.uav]
-            shown = detectable_shares(forest.free_shares(pose.position, points)[0])
-            least = self.setup.rng.random(len(points)) if forest.is_porous else 0.0
-            seen = present & camera.sees(pose, points) & (shown > least)
-            ground = people[seen]
-            if believed != camera:  # through the lens as believed, a person's pixel shows another place
-                ground = believed.ground_points(pose, camera.project(pose, points[seen])[0], TARGET_HEIGHT)
-                seen[seen] = placed = np.isfinite(ground[:, 0])
-                ground = ground[placed]
-            return SensorOutput(shot.locate(ground), np.flatnonzero(seen), seen.astype(np.int64))
+        scenario = self.setup.scenario
+        forest = self.setup.forest
+        people = shot.people
+        pose = shot.true
+        points = at_target_height(np.nan_to_num(people))
+        present = ~np.isnan(people[:, 0])
+        camera = scenario.true_camera(shot.uav)
+        believed = self.setup.cameras[shot.uav]
+        shown = detectable_shares(forest.free_shares(pose.position, points)[0])
+        least = self.setup.rng.random(len(points)) if forest.is_porous else 0.0
+        seen = present & camera.sees(pose, points) & (shown > least)
+        ground = people[seen]
+        if believed != camera:  # through the lens as believed, a person's pixel shows another place
+            ground = believed.ground_points(pose, camera.project(pose, points[seen])[0], TARGET_HEIGHT)
+            seen[seen] = placed = np.isfinite(ground[:, 0])
+            ground = ground[placed]
+        return SensorOutput(shot.locate(ground), np.flatnonzero(seen), seen.astype(np.int64))

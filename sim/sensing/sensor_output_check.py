@@ -5,7 +5,6 @@ from typing import get_args
 
 import numpy as np
 
-from sim.sensing.fault import Fault
 from sim.sensing.sensor_mode import Noise, SensorOutput
 from tracking.detection.detector import Detections, Frame
 from tracking.numerics.arrays import Array, Flags
@@ -37,9 +36,7 @@ def check_detections(found: Detections) -> Detections:
 def check_output(output: SensorOutput, people: Array) -> SensorOutput:
     """Valid output of a sensor mode, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong."""
     check_kind("output", output, SensorOutput)
-    count, faults = len(output.ground), tuple(output.faults)
-    for fault in faults:
-        check_kind("faults", fault, Fault)
+    count = len(output.ground)
     if output.frame is not None:
         _check_frame(output.frame)
     if output.noise not in get_args(Noise):
@@ -56,7 +53,7 @@ def check_output(output: SensorOutput, people: Array) -> SensorOutput:
     _check_present("visible", visible > 0, people)
     given = {name: form for name, form in _DETECTION.items() if getattr(output, name) is not None}
     arrays = check_fields(output, given, count)
-    return replace(output, owners=owners, visible=visible, faults=faults, **arrays)
+    return replace(output, owners=owners, visible=visible, **arrays)
 
 
 def _check_present(name: str, found: Flags, people: Array) -> None:

@@ -8,12 +8,9 @@ from numpy.typing import NDArray
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import SENSOR_MODES, Sensing
-from sim.sensing.cameras import noise_of, view_of
-from sim.sensing.fault import Fault
-from sim.sensing.rolling_shutter import Glimpse, Sweep
+from sim.sensing.renderer import Renderer
 from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup, Shot
 from sim.sensing.sensor_output_check import check_output
-from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detection_errors import whole_covariances
 from tracking.geometry.camera import Camera, Pose
@@ -24,6 +21,7 @@ from tracking.numerics.matrices import apply
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.poisson import draw_poisson
 from tracking.numerics.stacks import cholesky_factors
+from tracking.plugins.plugin_error import PluginError
 from tracking.track import Scan
 
 
@@ -66,56 +64,49 @@ class Reading:
     image: NDArray[np.uint8] | None  # (H, W, 3) RGB; None without rendering
     visible: Indices  # (M,) as `SensorOutput.visible`
     matched: Flags  # (M,) mask of people whom a measurement shows
-    taken: bool = True  # False if the camera took no frame; the empty scan is then no negative information
-    faults: tuple[Fault, ...] = ()  # faults of the detector
+    errors: tuple[PluginError, ...] = ()  # of the detector
 
 
 class Sensors:
     """The sensors of a fleet in one world."""
 
-    def __init__(
-        self, scenario: Scenario, world: World, forest: Forest, *, rng: np.random.Generator, clock: Stopwatch
-    ) -> None:
+    def __init__(self, scenario: Scenario, world: World, forest: Forest, rng: np.random.Generator) -> None:
         self._rng = rng
-        self._clock = clock
+        self._scenario = scenario
+        self._renderer = Renderer(world) if scenario.sensing.renders else None
         self._clutter = Clutter(scenario.sensing, rng)
-        self.cameras = [view_of(uav, scenario) for uav in scenario.uavs]
-        self.noises = [noise_of(uav, scenario) for uav in scenario.uavs]
-        self._setup = SensorSetup(scenario, world, forest, self.cameras, clock, rng.spawn(1)[0])
+        uavs = range(len(scenario.uavs))
+        self.cameras = [scenario.believed_camera(i) for i in uavs]
+        self.noises = [scenario.noise_model(i) for i in uavs]
         self._name = scenario.sensing.mode
-        self._mode: SensorMode = SENSOR_MODES.make(self._name, self._setup)
+        setup = SensorSetup(scenario, forest, self.cameras, rng.spawn(1)[0])
+        self._mode: SensorMode = SENSOR_MODES.make(self._name, setup)
         self._last = dict[int, Shot]()  # of each UAV
 
-    def take(self, shot: Shot) -> Reading:
-        """Take a shot; its sweep is found here, from the UAV's last one."""
-        shot = self._add_sweep(shot)
+    def expose(self, shot: Shot) -> Shot:
+        """The shot with the motion since the UAV's last one and, with images, its frame."""
+        uav = self._scenario.uavs[shot.uav]
+        before, self._last[shot.uav] = self._last.get(shot.uav), shot
+        shot = shot.expose(before, uav.readout)
+        if self._renderer is None:
+            return shot
+        return replace(shot, rendered=self._renderer.take(shot.uav, shot.time, uav.true_camera, shot.true, shot.sweep))
+
+    def read(self, shot: Shot) -> Reading:
+        """The measurements of an exposed shot."""
         output = self._sense(shot)
         kept = self._clutter.draw_kept(len(output.ground))
-        with self._clock.measure("detection"):
-            scan, pixels = self._add_clutter(self._make_scan(shot, output), output, kept)
+        scan, pixels = self._add_clutter(self._make_scan(shot, output), output, kept)
         matched = np.isin(np.arange(len(shot.people)), output.owners[kept])
         image = output.frame.image if output.frame else None
-        return Reading(scan, pixels, image, output.visible, matched, faults=output.faults)
+        return Reading(scan, pixels, image, output.visible, matched, errors=output.errors)
 
     @staticmethod
     def rest(shot: Shot) -> Reading:
-        """Empty reading at a scan in which a slower camera takes no frame."""
+        """Empty reading at a scan at which the camera takes no frame, which is no negative information."""
         nothing = Scan(shot.uav, shot.time, shot.pose, np.zeros((0, 2)), np.zeros((0, 2, 2)))
         unseen = np.zeros(len(shot.people), dtype=np.int64)
-        return Reading(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
-
-    def _add_sweep(self, shot: Shot) -> Shot:
-        """The shot with the motion during read-out, if the rows are not exposed at once."""
-        readout = self._setup.scenario.uavs[shot.uav].readout
-        if not readout:
-            return shot
-        before, self._last[shot.uav] = self._last.get(shot.uav), shot
-        earlier = None if before is None else Glimpse(before.time, before.true, before.people)
-        sweep = Sweep.between(earlier, Glimpse(shot.time, shot.true, shot.people), readout)
-        # What the UAV believes holds its own motion, and nothing of people.
-        earlier = None if before is None else Glimpse(before.time, before.pose, before.people[:0])
-        believed = Sweep.between(earlier, Glimpse(shot.time, shot.pose, shot.people[:0]), readout)
-        return replace(shot, sweep=sweep, believed_sweep=believed)
+        return Reading(nothing, np.zeros((0, 2)), None, unseen, unseen > 0)
 
     def _sense(self, shot: Shot) -> SensorOutput:
         """Output of the mode; InputError if a plug-in mode fails or its output cannot be used."""

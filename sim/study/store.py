@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from sim.facts.columns import make_dataframe
+from sim.mission.atomic_files import number_names
 from sim.study.cells import Levels
 from sim.study.trials import StudyTrial, TrialRow
 from tracking.errors import InputError, one_line
@@ -107,7 +108,7 @@ class Store:
         """
         with self._transaction():
             for trial in trials:
-                place = (trial.scenario, _encode_json(trial.factors), _encode_json(trial.settings), trial.planner)
+                place = _encode_place(trial)
                 self._connection.execute(
                     "UPDATE trials SET scenario = ?, factors = ?, settings = ?, planner = ?"
                     " WHERE key = ? AND (scenario, factors, settings, planner) IS NOT (?, ?, ?, ?)",
@@ -136,6 +137,31 @@ class Store:
                 yield
         except sqlite3.Error as error:
             raise StoreError(f"{self.path}: {error}") from error
+
+
+def choose_folder(default: Path, study: str, trials: Sequence[StudyTrial]) -> Path:
+    """The first of `default`, `default`-2, ... that is new, or has this study's store without any other trials.
+
+    So a study goes on where it was, also with more planners, seeds or repeats, and its report replaces no other one.
+    Trials of earlier code are no others. InputError if there is a store that cannot be read.
+    """
+    keys = {trial.key for trial in trials}
+    runs = {(*_encode_place(trial), _encode_seed(trial.seed), trial.repeat) for trial in trials}
+    for folder in number_names(default):
+        file = folder / NAME
+        if not file.is_file():
+            if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+                return folder
+            continue
+        with _connect(file) as connection:
+            if _read_version(connection, file) == 0:
+                return folder
+            columns = "key, scenario, factors, settings, planner, seed, repeat"
+            held = connection.execute(f"SELECT {columns} FROM trials").fetchall()
+            others = any(key not in keys and tuple(run) not in runs for key, *run in held)
+            if _read_name(connection, file) == study and not others:
+                return folder
+    raise AssertionError("there is always another number")
 
 
 def read_rows(path: str | Path) -> list[TrialRow]:
@@ -231,11 +257,20 @@ def _encode_json(value: object) -> str:
     return msgspec.json.encode(value).decode()
 
 
+def _encode_place(trial: StudyTrial) -> tuple[str, str, str, str]:
+    """Scenario, factors, settings and planner of a trial, as its row has them."""
+    return trial.scenario, _encode_json(trial.factors), _encode_json(trial.settings), trial.planner
+
+
+def _encode_seed(seed: int) -> int | str:
+    """A seed as SQLite keeps it: its integers have 64 bits, and a column of them rounds text of digits to a number."""
+    return seed if seed < 2**63 else f"{seed:_}"
+
+
 def _encode_row(trial: StudyTrial, row: TrialRow) -> _StoredTrial:
     plain = {name: getattr(row, name) for name in _FIELDS if name != "scans_per_s"}
     plain |= {name: _encode_json(plain[name]) for name in ("factors", "settings", "metrics")}
-    # SQLite's integers have 64 bits, and a column of integers rounds text that consists of digits to a number.
-    plain["seed"] = row.seed if row.seed < 2**63 else f"{row.seed:_}"
+    plain["seed"] = _encode_seed(row.seed)
     plain["ospa"] = row.ospa.astype("<f4").tobytes()
     return _StoredTrial(**plain, scans_per_s=trial.setting.rates.sensing)
 

@@ -1,6 +1,7 @@
 """The flight of a study into its folder, which can be interrupted and continued."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Hashable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -15,7 +16,7 @@ from sim.study.cells import COMPARED_FACTORS
 from sim.study.definition import Study
 from sim.study.scheduler import Options, complete
 from sim.study.store import NAME, Store, StoreError
-from sim.study.trials import StudyTrial, TrialRow
+from sim.study.trials import StudyTrial, TrialPlace, TrialRow
 from sim.terminal.console import fail, print_remarks
 from sim.terminal.progress import show_study_progress
 
@@ -45,12 +46,12 @@ def fly_study(
             settings = {msgspec.json.encode(trial.setting): trial.setting for trial in trials}
             doubts = [line for setting in settings.values() for line in find_scenario_remarks(setting).doubts]
             print_remarks(*dict.fromkeys(doubts), *_list_remarks_on_others(store, trials))
-            with show_study_progress(len(trials)) as show:
+            with show_study_progress(Counter(map(_find_cell, trials))) as show:
 
                 def on_row(row: TrialRow, fresh: bool) -> None:
                     nonlocal again
                     again += fresh
-                    show(row.status == "failed", fresh)
+                    show(_find_cell(row), row.metrics.get("wall_s"), fresh)
 
                 try:
                     return complete(trials, store, flying, options, on_row)
@@ -65,6 +66,11 @@ def fly_study(
         rest = f"{kept} are there; without --redo, the same command flies what is missing"
         fail(f"{reason}; {again} of {len(trials)} trials were flown now, in {folder} {rest}", code=1)
     fail(f"{reason}; {kept} of {len(trials)} trials are kept in {folder}, the same command flies the rest", code=1)
+
+
+def _find_cell(trial: TrialPlace) -> Hashable:
+    """What trials of about the same length share."""
+    return trial.scenario, trial.factors, trial.planner
 
 
 def _check_missions(study: Study, trials: Sequence[StudyTrial]) -> None:

@@ -2,6 +2,7 @@
 
 import math
 import time
+import zlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -76,6 +77,7 @@ def _list_metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
     values = {
         **evaluate(outcome, asked),
         "sees_truth": outcome.recording.sees_truth,
+        "world": zlib.crc32(outcome.recording.trees.tobytes() + outcome.recording.people.tobytes()),
         **{f"seconds.{stage}": value for stage, value in outcome.seconds.items()},
     }
     return {name: math.nan if value is None else float(value) for name, value in values.items()}

@@ -177,9 +177,10 @@ def _locate_in_head(study: Study, cell: Cell, error: InputError) -> str:
 
 def _hash_user_files(setting: Scenario, planner: str) -> list[str]:
     """Digests of files outside of the package on which a trial depends: plug-ins, stem maps, people's trajectories."""
-    made = load_planner(planner)
     target = find_planner_target(planner)
-    plugins = [(target, import_plugin(target)), (target, type(made))]
+    plugins = [(target, type(load_planner(planner)))]
+    if not target.startswith("planning."):
+        plugins.append((target, import_plugin(target)))
     plugins += [(name, registry.find(name)) for registry, name in setting.plugins if name not in registry.built_in]
     files = dict.fromkeys(file for target, plugin in plugins for file in _find_user_files(target, plugin))
     data = (setting.trees.stem_map, setting.people.trajectory_file)

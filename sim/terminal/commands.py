@@ -15,6 +15,7 @@ from types import FrameType
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 
 from sim.mission.atomic_files import PlaceTaken, make_part_path
@@ -52,6 +53,12 @@ class Command(TyperCommand):
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401 - types that differ between typer's versions
         """Arguments and options."""
         return _hide_types(super().get_params(ctx))
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
+        """Print the help; Rich would take units in brackets, [m], for styles and leave them out."""
+        for param in self.params:
+            param.help = escape(param.help or "")  # type: ignore[attr-defined]
+        super().format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - as above
         """Parse the arguments; InputError if an option that may be given once is repeated."""

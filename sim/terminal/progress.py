@@ -2,10 +2,12 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import count
 from statistics import fmean
+from typing import NamedTuple
 
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
@@ -15,6 +17,8 @@ from sim.scenario.scenario import Scenario
 from sim.terminal.console import console, say
 
 _PAUSE = 10.0  # s, least time between two lines on progress
+_FIRST = 8  # least number of steps by which the time of the rest is estimated
+_LAST = 100  # number of trials, the latest, by which it is told how many fly at once
 Show = Callable[[int, int, str], None]  # gets what is done, all there is to do, and both in words
 
 
@@ -53,21 +57,58 @@ def show_counted_progress(total: int, what: str) -> Iterator[Callable[[object], 
 
 
 @contextmanager
-def show_study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
-    """Yield a function that counts a trial, which may have failed and was flown now or before; show the pace."""
-    start = time.monotonic()
-    done, flown, failures = 0, 0, 0
+def show_study_progress(left: Counter[Hashable]) -> Iterator[Callable[[Hashable, float | None, bool], None]]:
+    """Show how many trials of a study have ended, their pace, and the time that the rest takes once it can be told.
+
+    left: number of trials of each cell. Yields a function of the cell of a trial that has ended, its wall time [s] or
+    None if it failed, and whether it was flown now or before.
+    """
+    total, begun = left.total(), time.monotonic()
+    flown: list[_Flown] = []
+    done, failures = 0, 0
     with show_progress(time_left=False) as show:
 
-        def tell(failed: bool, fresh: bool) -> None:
-            nonlocal done, flown, failures
+        def tell(cell: Hashable, seconds: float | None, fresh: bool) -> None:
+            nonlocal done, failures
             done += 1
-            flown += fresh
-            failures += failed
-            pace = describe_pace(flown, total - done, failures, time.monotonic() - start)
+            failures += seconds is None
+            left[cell] -= 1
+            now = time.monotonic()
+            if fresh:
+                flown.append(_Flown(cell, now, seconds))
+            pace = describe_pace(len(flown), estimate_rest(flown, +left), failures, now - begun)
             show(done, total, f"{done} of {total} trials{pace}")
 
         yield tell
+
+
+class _Flown(NamedTuple):
+    """A trial that was flown."""
+
+    cell: Hashable
+    end: float  # s
+    seconds: float | None  # wall time; None if it failed
+
+
+def estimate_rest(flown: Sequence[_Flown], left: Mapping[Hashable, int]) -> float | None:
+    """Time [s] until all trials left have ended, by the mean time of each cell and how many trials fly at once.
+
+    None until every cell left has had a trial, and twice as many have ended as fly at once: an executor does not say
+    how many these are, and planners differ by a factor of ten and more.
+    """
+    times: dict[Hashable, list[float]] = {trial.cell: [] for trial in flown}
+    for trial in flown:
+        times[trial.cell] += [] if trial.seconds is None else [trial.seconds]
+    known = [seconds for own in times.values() for seconds in own]
+    if not known or not left or not left.keys() <= times.keys():
+        return None
+    spans = [(trial.end - trial.seconds, trial.end) for trial in flown[-_LAST:] if trial.seconds is not None]
+    middles = [(begin + end) / 2 for begin, end in spans]
+    at_once = max((sum(begin <= middle <= end for begin, end in spans) for middle in middles), default=1)
+    if len(known) < 2 * at_once:
+        return None
+    each = {cell: fmean(times[cell] or known) for cell in left}
+    return max(*each.values(), sum(count * each[cell] for cell, count in left.items()) / at_once)
 
 
 @contextmanager
@@ -90,7 +131,8 @@ def show_progress(*, time_left: bool = True) -> Iterator[Show]:
             if done <= last or last == 0:
                 began, before = now, done
             last = done
-            if time_left and before < done < total:
+            # A decision takes as long as many scans, so that the first few steps tell little.
+            if time_left and done < total and done - before >= min(max(_FIRST, total / 20), 2 * _FIRST):
                 text += f", {format_clock((now - began) / (done - before) * (total - done))} left"
             if console.is_interactive:
                 status.stop()
@@ -117,13 +159,11 @@ def show_progress(*, time_left: bool = True) -> Iterator[Show]:
                 bar.stop()
 
 
-def describe_pace(flown: int, left: int, failures: int, seconds: float) -> str:
+def describe_pace(flown: int, rest: float | None, failures: int, seconds: float) -> str:
     """Rate, remaining time and failures in words: ", 12.0 a minute, 1:40 left, 2 failed"."""
-    parts = []
-    if flown and seconds > 0:
-        parts.append(f"{60 * flown / seconds:.1f} a minute")
-        if left:
-            parts.append(f"{format_clock(left * seconds / flown)} left")
+    parts = [f"{60 * flown / seconds:.1f} a minute"] if flown and seconds > 0 else []
+    if rest is not None:
+        parts.append(f"{format_clock(rest)} left")
     if failures:
         parts.append(f"{failures} failed")
     return "".join(f", {part}" for part in parts)

@@ -16,7 +16,6 @@ from sim.facts.sightings import STATES, find_states
 from sim.mission.recording import Recording, find_last_frames
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import true_view_of
 from sim.views.palette import (
     ALARM,
     CANOPY,
@@ -175,7 +174,7 @@ class SceneMaker:
         """
         self._scenario = scenario
         self._labelled = labelled
-        self._views = [true_view_of(uav, scenario) for uav in scenario.uavs]
+        self._views = [scenario.true_camera(i) for i in range(len(scenario.uavs))]
         self._numbers = {} if numbers is None else dict(numbers)
         self._holding: Holding | None = None
         self._past: deque[_Past] = deque(maxlen=round(TRAIL * scenario.rates.sensing))
@@ -243,7 +242,7 @@ class SceneMaker:
     def _mark_people(self, snapshot: Snapshot, working: Sequence[int], holds: Indices) -> Iterator[PersonMark]:
         present = ~np.isnan(snapshot.people[:, 0])
         points = at_target_height(np.nan_to_num(snapshot.people))
-        for i in (i for i in working if snapshot.frames[i]):
+        for i in (i for i in working if snapshot.frames_taken[i]):
             inside = self._views[i].sees(snapshot.cameras[i], points) & present
             self._states[i] = find_states(inside, snapshot.visible[i] > 0, snapshot.matched[i])
         none = np.full(len(present), STATES.index("out of view"))

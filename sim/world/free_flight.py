@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from sim.world.quadrotor import DRAG, GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts, steady_thrusts
-from tracking.geometry.quaternions import engine_rotation, rotate, settle
+from tracking.geometry.quaternions import engine_rotation, level_attitude, rotate, settle
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, merged
-from tracking.numerics.trigonometry import arctan2, cos, sin
+from tracking.numerics.trigonometry import arctan2
 
 # m, of a sphere that touches nothing as long as a UAV does not: twice that around its body, for which a touch is a
 # distance of 2 cm or less.
@@ -60,7 +60,7 @@ def move_kinematic(states: Array, commands: Array, dt: float) -> Array:
         moved[i, 0] += east * dt
         moved[i, 1] += north * dt
         yaw = arctan2(north, east) if east != 0.0 or north != 0.0 else 2 * arctan2(turned[i, 2], turned[i, 3])
-        moved[i, 3], moved[i, 4], moved[i, 5], moved[i, 6] = 0.0, 0.0, sin(yaw / 2), cos(yaw / 2)
+        moved[i, 3], moved[i, 4], moved[i, 5], moved[i, 6] = level_attitude(yaw)
         moved[i, 7], moved[i, 8] = east, north
     return moved
 

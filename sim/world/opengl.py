@@ -32,7 +32,7 @@ def connect(pixels: int, trees: Sequence[Tree]) -> int:
     InputError if the images are too large, trees are porous or differ in size, or the renderer cannot start.
     """
     if pixels > MOST_PIXELS:
-        finer = "images through lenses are drawn 1.5 or 3 times as fine"
+        finer = "images through lenses are drawn 1.5 to 3 times as fine"
         raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}; {finer}")
     if Forest(tuple(trees)).is_porous:
         raise InputError("sensing.renderer: 'egl' draws opaque trees only (trees.leaf_area_density); allowed is tiny")

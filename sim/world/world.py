@@ -22,10 +22,9 @@ from sim.world.lens_images import straighten
 from sim.world.shown_bodies import ShownBodies
 from tracking.geometry.camera import Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.quaternions import rotate, settle
+from tracking.geometry.quaternions import level_attitude, rotate, settle
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
-from tracking.numerics.trigonometry import cos, sin
 
 
 class Shown(NamedTuple):
@@ -149,7 +148,7 @@ class World:
         x, y, _ = self._people_centres[moving].tolist()
         yaw = float(self._headings[moving])
         yaw = 0.0 if math.isnan(yaw) else yaw
-        return AWAY if math.isnan(x) else (x, y, 0.0), (0.0, 0.0, sin(yaw / 2), cos(yaw / 2))
+        return AWAY if math.isnan(x) else (x, y, 0.0), level_attitude(yaw)
 
     @property
     def _made(self) -> bool:

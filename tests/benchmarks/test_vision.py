@@ -156,10 +156,14 @@ def test_resolutions_in_turn_against_one_at_a_time(flown, judged):
     report("frames of 96, 128 and 256 pixels in turn", mixed, alone, 1.05, judged)
 
 
-def test_frames_through_a_lens_against_straight_ones(flown, judged):
-    """Of 640 x 480 pixels with the same focal length, with the same views in turn."""
+@pytest.mark.parametrize(("width", "straight_width", "bound"), [(256, 148, 9.0), (640, 640, 4.0)])
+def test_frames_through_a_lens_against_straight_ones(flown, judged, width, straight_width, bound):
+    """With the same angle of view, and the same views in turn; the smaller straight ones have a third of the pixels."""
     forest, views = flown
-    straight, bent = (Camera.calibrated(640, 480, (550.0, 550.0), (320.0, 240.0), k) for k in ((), (-0.2, 0.03)))
+    straight, bent = (
+        Camera.calibrated(w, w * 3 // 4, (0.86 * w, 0.86 * w), (w / 2, w * 3 / 8), distortion)
+        for w, distortion in ((straight_width, ()), (width, (-0.2, 0.03)))
+    )
     times = []
     with World(SCENARIO, forest, len(views[0].people)) as world:
         renderer = Renderer(world)
@@ -174,7 +178,12 @@ def test_frames_through_a_lens_against_straight_ones(flown, judged):
                     rounds=10 if judged else 1,
                 )
             )
-    report("frame of 640 x 480 pixels, bent by a lens", *np.mean(times, axis=0), 4.0, judged)
+    report(
+        f"frame {width} pixels wide through a lens, against {straight_width} straight ones",
+        *np.mean(times, axis=0),
+        bound,
+        judged,
+    )
 
 
 def lines(trees, judged):

@@ -90,6 +90,23 @@ def test_the_readme_is_short_whole_and_has_the_commands_of_the_checks():
         assert command in checks and ("sh", command + "\n") in blocks(README)
 
 
+@pytest.mark.parametrize(("needed", "found"), [("", "chromium"), ("1", "chromium"), ("", None), ("1", None)])
+def test_pages_are_tested_in_a_browser_or_skipped_and_where_one_is_needed_they_fail(
+    monkeypatch, tmp_path, needed, found
+):
+    monkeypatch.setattr("shutil.which", lambda name: found if name == found else None)
+    monkeypatch.delenv("BROWSER_NEEDED", raising=False)
+    if needed:
+        monkeypatch.setenv("BROWSER_NEEDED", needed)
+    spec = importlib.util.find_spec("helpers.browser")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert module.needs_browser.args == (not needed and found is None,)
+    if found is None:
+        with pytest.raises(AssertionError, match="no Chromium"):
+            module.Browser(tmp_path)
+
+
 def test_every_key_of_literature_is_resolved():
     used = set()
     for package in ("sim", "planning", "tracking", "assets"):

@@ -1,15 +1,21 @@
 """Headless Chromium for tests: pages from files, keys and clicks, scripts, and whatever the page complained about."""
 
+import base64
 import contextlib
 import fcntl
 import json
 import os
+import re
 import select
 import shutil
 import subprocess
 import time
 
+import pytest
+
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+# Without a browser tests are skipped, except where .ci/run can install one.
+needs_browser = pytest.mark.skipif(not CHROMIUM and "BROWSER_NEEDED" not in os.environ, reason="no Chromium here")
 # Elements with words smaller than 13 pixels.
 SMALL_WORDS = (
     "[...document.querySelectorAll('main *')].filter(e => e.textContent.trim() && "
@@ -21,6 +27,7 @@ class Browser:
     """One page, driven over DevTools' pipe: messages of JSON that end with a zero byte."""
 
     def __init__(self, profile, *, width=1280, height=800):
+        assert CHROMIUM, "no Chromium: BROWSER_NEEDED is set, so install one"
         ours, theirs = [], []
         for i in range(2):
             pair = [_high(end) for end in os.pipe()]
@@ -83,6 +90,15 @@ class Browser:
         self._call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
         for kind in ("mousePressed", "mouseReleased") if click else ():
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+
+    def show_as(self, media):
+        """Style the page for "screen" or "print"."""
+        self._call("Emulation.setEmulatedMedia", media=media)
+
+    def print(self):
+        """Number of sheets of A4 that the page takes."""
+        data = base64.b64decode(self._call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"])
+        return len(re.findall(rb"/Type\s*/Page\b", data))
 
     def requests_elsewhere(self):
         """Beginnings of the addresses that were asked for, data aside."""

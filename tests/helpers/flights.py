@@ -53,6 +53,6 @@ def filmed(*overrides, duration=4):
     images = []
 
     def keep(mission):
-        images.append([None if frame is None else frame.copy() for frame in mission.frames])
+        images.append([None if frame is None else frame.copy() for frame in mission.images])
 
     return recorded(*overrides, duration=duration, see=keep), images

@@ -8,8 +8,8 @@ from helpers import synthetic
 from helpers.flights import IDEAL
 from helpers.flights import recorded as recorded_in_flight
 from helpers.recordings import broken, record
+from sim.mission.fault import Fault
 from sim.mission.recording import encode_faults
-from sim.sensing.fault import Fault
 from sim.views.drawing.film import Film, Video
 
 EVIL = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> & \"it's\""

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import DEFAULT_FLEET, Uav
-from sim.sensing.cameras import camera_pose
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import find_blobs
@@ -183,4 +182,4 @@ def draw_tilted_attitudes(rng: np.random.Generator, tilt_deg: float, count: int,
     uav = Uav(start=(0.0, 0.0), mount="body" if sway_deg else "gimbal", tilt_deg=tilt_deg)
     angles = rng.uniform([-180.0, -sway_deg, -sway_deg], [180.0, sway_deg, sway_deg], (count, 3))
     bodies = Rotation.from_euler("ZYX", angles, degrees=True).as_quat()
-    return [camera_pose(uav, Pose(np.zeros(3), body)).quaternion for body in bodies]
+    return [uav.camera_pose(Pose(np.zeros(3), body)).quaternion for body in bodies]

@@ -87,7 +87,7 @@ for overrides in images:
     mission = Mission(load_scenario("forest", overrides), load_planner(DEFAULT_PLANNER))
     digest = hashlib.sha256()
     for _ in mission.fly():
-        for frame in mission.frames:
+        for frame in mission.images:
             digest.update(frame)
     print(digest.hexdigest())
 """

@@ -6,6 +6,7 @@ import zipfile
 
 import pytest
 from helpers.processes import ROOT, python
+from helpers.studies import Serial
 
 OURS = ("planning", "tracking", "assets", "understory")
 MINE = "from planning.baselines import Hover\n\n\nclass Mine(Hover):\n    pass\n"
@@ -81,6 +82,19 @@ def test_a_mission_flies_in_a_folder_with_modules_named_like_ours_and_the_engine
     done = python(*command, *arguments, cwd=folder, **INSTALLED)
     assert (done.returncode, done.stderr) == (0, "") and "build time" not in done.stdout
     assert list(folder.glob("runs/*/mission.npz"))
+
+
+def test_built_in_planners_are_ours_in_a_folder_with_files_of_their_modules(folder, call):
+    for name in ("baselines", "composed", "oracle", "rivals/thompson"):
+        (folder / "planning" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "planning" / f"{name}.py").write_text("raise RuntimeError('of the user')\n")
+    for command in (["run", "--no-video"], ["compare", "--seeds", "0", "--planner", "greedy"], ["check-planner"]):
+        planners = ("hover", "thompson", "oracle") if command[0] == "run" else ("hover",)
+        for planner in planners:
+            rest = [planner] if command[0] == "check-planner" else ["--duration", "0.2", "--planner", planner]
+            code, out, err = call(*command, *rest, executor=Serial())
+            assert (code, err) == (0, ""), out
+    assert call("planners")[0] == 0
 
 
 @pytest.mark.parametrize("name", ["assets", "random"])

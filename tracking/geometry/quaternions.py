@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled, merged
+from tracking.numerics.compiled import compiled, inlined, merged
 from tracking.numerics.trigonometry import cos, sin
 
 
@@ -92,6 +92,12 @@ def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
     for j in range(4):
         out[j] /= norm
     return out
+
+
+@inlined
+def level_attitude(yaw: float) -> tuple[float, float, float, float]:
+    """Quaternion of a level body whose x axis is turned from east towards north by an angle [rad]."""
+    return 0.0, 0.0, sin(yaw / 2), cos(yaw / 2)
 
 
 def multiply(p: Array, q: Array) -> Array:

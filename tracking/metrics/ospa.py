@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.assignment import least_costs
+from tracking.numerics.assignment import least_costs, least_largest_costs
 from tracking.numerics.distances import length
 from tracking.numerics.exponential import power, power_each
 
@@ -14,7 +14,7 @@ _AT_ONCE = 2_000_000  # most distances computed at once: all those of a long mis
 
 
 class Ospa(NamedTuple):
-    """OSPA distance [m] and its parts: localisation^p + cardinality^p = distance^p."""
+    """OSPA distance [m] and its parts: localisation^p + cardinality^p = distance^p; the larger one if p = inf."""
 
     distance: float
     localisation: float
@@ -22,9 +22,9 @@ class Ospa(NamedTuple):
 
 
 class Gospa(NamedTuple):
-    """GOSPA distance [m] and its parts: localisation^p + missed^p + false^p = distance^p.
+    """GOSPA distance [m] and its parts: localisation^p + missed^p + false^p = distance^p; the largest part if p = inf.
 
-    Each missed truth and each false estimate adds c^p / 2 to the p-th power of its part.
+    Each missed truth and each false estimate adds c^p / 2 to the p-th power of its part, which is c if p is infinite.
     """
 
     distance: float
@@ -36,8 +36,8 @@ class Gospa(NamedTuple):
 def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
     """Optimal subpattern assignment distance between estimates (A, 2) and truths (B, 2), all in m.
 
-    c is the cut-off [m], from 1e-9 to 1e9, and the cost of a missing or false estimate; p the order, from 1 to 10.
-    Source: [Schuhmacher08].
+    c is the cut-off [m], from 1e-9 to 1e9, and the cost of a missing or false estimate; p the order, from 1 to 10, or
+    infinity, with which the distance is that of the farthest pair, or c if the sizes differ. Source: [Schuhmacher08].
     Note: [Li22] IV prints the distances without the power p, which the definition has.
     """
     X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
@@ -74,6 +74,11 @@ def _score_gaps(gaps: Array, c: float, p: float) -> Ospa:
     """OSPA of two sets whose members are `gaps` (A, B) m apart."""
     check_metric(c, p)
     most, fewest = max(gaps.shape), min(gaps.shape)
+    if p == math.inf:
+        near = least_largest_costs(gaps, c)
+        farthest = near.max(initial=0.0).item() if len(near) == fewest else float(c)
+        missing = float(c) if most > fewest else 0.0
+        return Ospa(max(farthest, missing), farthest, missing)
     total = float(least_costs(power_each(np.minimum(gaps, c), p)).sum()) / max(most, 1)
     lacking = power(c, p) * (most - fewest) / max(most, 1)
     return Ospa(power(total + lacking, 1 / p), power(total, 1 / p), power(lacking, 1 / p))
@@ -83,11 +88,17 @@ def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> G
     """Generalised OSPA distance, alpha = 2, between estimates (A, 2) and truths (B, 2), all in m.
 
     c is the cut-off [m]: an estimate and a truth at least this far apart count as a false estimate and a missed truth.
-    p is the order, from 1 to 10. Unlike OSPA, GOSPA is a sum over targets, not a mean. Source: [Rahmathullah17].
+    p is the order, from 1 to 10 or infinity, as for `ospa`. Unlike OSPA, GOSPA is a sum over targets, not a mean.
+    Source: [Rahmathullah17].
     """
     check_metric(c, p)
     X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
-    costs = least_costs(power_each(np.minimum(length(X[:, None] - Y[None]), c), p))
+    gaps = length(X[:, None] - Y[None])
+    if p == math.inf:
+        near = least_largest_costs(gaps, c)
+        parts = near.max(initial=0.0).item(), *(float(c) if len(Z) > len(near) else 0.0 for Z in (Y, X))
+        return Gospa(max(parts), *parts)
+    costs = least_costs(power_each(np.minimum(gaps, c), p))
     inside, half = costs[costs < power(c, p)], power(c, p) / 2
     sums = float(inside.sum()), (len(Y) - len(inside)) * half, (len(X) - len(inside)) * half
     return Gospa(power(sums[0] + sums[1] + sums[2], 1 / p), *(power(part, 1 / p) for part in sums))
@@ -95,8 +106,8 @@ def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> G
 
 def check_metric(c: float, p: float) -> None:
     """Raise ValueError unless the cut-off c [m] and the order p are those of a metric whose powers are floats."""
-    if not (1e-9 <= c <= 1e9 and 1 <= p <= 10):
-        raise ValueError(f"c must be from 1e-9 to 1e9 and p from 1 to 10, are {c} and {p}")
+    if not (1e-9 <= c <= 1e9 and (1 <= p <= 10 or p == math.inf)):
+        raise ValueError(f"c must be from 1e-9 to 1e9 and p from 1 to 10 or infinite, are {c} and {p}")
 
 
 def check_positions(name: str, positions: Array) -> Array:

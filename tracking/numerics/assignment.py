@@ -1,5 +1,7 @@
 """Assignment of rows to columns at the least cost."""
 
+from bisect import bisect_left
+
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -22,6 +24,15 @@ def pairs_within(cost: Array, gate: float) -> list[tuple[int, int]]:
     return [(a, b) for a, b in zip(rows.tolist(), columns.tolist(), strict=True) if cost[a, b] <= gate]
 
 
-def least_costs(cost: Array) -> Array:
+def least_costs(cost: Array | Flags) -> Array:
     """Costs (min(A, B),) of the pairs of least total cost, each row and column in one pair at most."""
     return np.asarray(cost[linear_sum_assignment(cost)])
+
+
+def least_largest_costs(cost: Array, cutoff: float) -> Array:
+    """Costs (K,) below the cut-off of as many pairs as possible; the largest of them is as small as possible."""
+    levels = np.unique(cost[cost < cutoff])
+    fewest = np.count_nonzero(least_costs(cost >= cutoff))  # pairs that reach the cut-off, however they are made
+    k = bisect_left(levels, True, key=lambda most: np.count_nonzero(least_costs(cost > most)) == fewest)
+    pairs = cost[linear_sum_assignment(cost > levels[k])] if len(levels) else np.zeros(0)
+    return np.asarray(pairs[pairs < cutoff])

@@ -11,7 +11,6 @@ from sim.facts.metrics.score import find_owners_at
 from sim.facts.rerender import Rerenderer
 from sim.facts.sightings import Sighting, find_sightings, tell_pose_error
 from sim.facts.tracking_replay import replay_tracking
-from sim.sensing.cameras import true_view_of
 from sim.sensing.detection_truth import match_detections
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
@@ -65,7 +64,7 @@ class Observer(ExitStack):
         """The observation of one person by one UAV at scan k."""
         recording = self.recording
         setting = self.recording.setting
-        sighting = find_sightings(recording, k, uav, true_view_of(setting.uavs[uav], setting))[person]
+        sighting = find_sightings(recording, k, uav, setting.true_camera(uav))[person]
         owners, shown = self.owners(k, uav), self._renders(k, uav) and sighting.in_image
         return PersonObservation(
             uav=uav,

@@ -13,7 +13,6 @@ from sim.facts.explain.planned_visibility import PlannedVisibility, find_planned
 from sim.facts.flight import Flight
 from sim.mission.recorded_links import find_recorded_links
 from sim.mission.recording import Recording
-from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Look
 from tracking.management.escapes import Escapes
@@ -140,7 +139,8 @@ def find_parts(recording: Recording, k: int, uav: int, id_: int) -> list[Track]:
     """Where the person of a UAV's track may be after scan k: the track, split by `Escapes` if they are out of sight."""
     setting = recording.setting
     escapes, parts = Escapes(), list[Track]()
-    area, cameras = (setting.area.width, setting.area.height), [view_of(one, setting) for one in setting.uavs]
+    area = (setting.area.width, setting.area.height)
+    cameras = [setting.believed_camera(i) for i in range(recording.uav_count)]
     last = _find_track(recording, k, uav, id_)
     since = last[0].sighting[SIGHTED_AT] if last else np.nan
     links = find_recorded_links(recording)

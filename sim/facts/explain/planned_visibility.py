@@ -8,7 +8,6 @@ from sim.facts.planned_path import make_vehicle, predict_path
 from sim.facts.tracking_replay import replay_tracking
 from sim.mission.recording import Recording
 from sim.mission.tracker_setup import make_planned_motion
-from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import at_target_height
@@ -63,7 +62,7 @@ def _find_view_states(recording: Recording, uav: int, views: list[Pose], places:
     """States (S,) of places (S, 2) m in the camera at S or more poses; `OUT_OF_VIEW` for NaN."""
     setting = recording.setting
     trees = recording.known_forest
-    camera = view_of(setting.uavs[uav], setting)
+    camera = setting.believed_camera(uav)
     found = np.full(len(places), OUT_OF_VIEW)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):
         point = at_target_height(place[None])

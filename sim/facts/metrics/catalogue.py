@@ -25,10 +25,10 @@ from sim.facts.metrics.holding import FAR
 from sim.facts.metrics.metric import Better, Computation, Metric, Outcome, mean
 from sim.facts.metrics.score import Score
 from sim.facts.metrics.unmatched import Unmatched
+from sim.mission.fault import BREAKDOWN, METRIC, Fault
 from sim.mission.recorded_links import measure_ages
 from sim.mission.recording import Recording
-from sim.sensing.fault import BREAKDOWN, Fault
-from sim.sensing.stopwatch import STAGES
+from sim.mission.stopwatch import STAGES
 from tracking.errors import InputError, check_known
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.plugin_error import PluginError, plugin_call
@@ -157,6 +157,11 @@ def _average_age(outcome: Outcome) -> float | None:
 
 def _count_plan_rounds(outcome: Outcome) -> float | None:
     return None if count_plan_bytes(outcome.recording) is None else int(outcome.recording.plan_rounds.max())
+
+
+def _share_failed_decisions(outcome: Outcome) -> float | None:
+    failed = {fault.time for fault in outcome.faults if fault.fails_decision}
+    return mean([time in failed for time in outcome.recording.plan_times.tolist()])
 
 
 def _make_planning(clock: str, spent: Callable[[Outcome], float], meaning: str) -> Metric:
@@ -339,6 +344,13 @@ _ENTRIES: dict[str, Metric] = {
         in_summary=False,
         meaning="in studies: number of faults of planner, detectors and other plug-ins",
     ),
+    "failed_decisions": _make_share(
+        "decisions that failed",
+        _share_failed_decisions,
+        "share of decisions in which the planner raised, or returned no valid plan for a UAV, which flew an old one",
+        better="lower",
+        judges=False,
+    ),
     "contacts": _of_flight(
         "contacts",
         lambda o: len(list_contacts(o.recording)),
@@ -399,7 +411,7 @@ def evaluate(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | N
                 value = asked_for(deepcopy(outcome))
                 found[name] = float(value) if value is not None and math.isfinite(value) else None
         except PluginError as error:
-            text = f"metric {name}: {error.with_place}"
+            text = f"{METRIC}{name}: {error.with_place}"
             outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
             found |= {name: None, "faults": METRICS["faults"](outcome)}
     return found

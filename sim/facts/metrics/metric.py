@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from sim.facts.metrics.fleet_facts import find_error_sources
 from sim.facts.metrics.score import Score, score
 from sim.facts.metrics.unmatched import Unmatched, find_unmatched_tracks
+from sim.mission.fault import Fault
 from sim.mission.recording import Recording
-from sim.sensing.fault import Fault
 from tracking.numerics.arrays import Array
 
 Better = Literal["lower", "higher", "neither"]

@@ -101,7 +101,7 @@ def find_owners_at(recording: Recording, k: int, uav: int) -> tuple[Indices, Arr
     return owners_of(z, recording.people[k], np.flatnonzero(recording.matched[k, uav])), z
 
 
-def _find_tracks_by_detections(recording: Recording, believed: ReportedTracks) -> Indices:
+def _find_tracks_by_detections(recording: Recording, uav: int, believed: ReportedTracks) -> Indices:
     """Index (K, M) of the track that is of each person at each scan, -1 for none.
 
     It is the track that was updated by the person's last detection, by any UAV, and by no later one of somebody else.
@@ -115,6 +115,7 @@ def _find_tracks_by_detections(recording: Recording, believed: ReportedTracks) -
     taken_at = true if estimates else recording.measurements
     ends = recording.measurement_offsets[::uavs].tolist()
     matcher, holder = Matcher(people, 1.0), np.full(people, -1)
+    known = np.where(believed.ids[:, None] == find_holding(recording).tracks[0, uav], 0.0, np.nan)
     found = np.empty(recording.present.shape, dtype=np.int64)
     for k, places in enumerate(tracks):
         rows = np.arange(*ends[k : k + 2])
@@ -125,8 +126,7 @@ def _find_tracks_by_detections(recording: Recording, believed: ReportedTracks) -
             covariances = covariances + recording.track_covariances[believed.rows[k], None, :2, :2]
         squares = np.full((len(places), people), np.nan)
         np.fmin.at(squares.T, owners[rows], squared_distance(gaps, covariances).T)
-        known = [length(places[:, None] - recording.people[0]) / recording.setting.loss_distance] if k == 0 else []
-        for distances in (*known, np.sqrt(squares / _TAKEN)):
+        for distances in (*([known] if k == 0 else []), np.sqrt(squares / _TAKEN)):
             taken = matcher.match(distances)
             holder[np.isin(holder, taken[taken >= 0])] = -1
             holder[taken >= 0] = taken[taken >= 0]
@@ -152,7 +152,7 @@ def score(recording: Recording, uav: int) -> Score:
     reported = ~np.isnan(tracks[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, estimate_velocities(recording)[on]], axis=2)
-    holders = _find_tracks_by_detections(recording, believed)[on]
+    holders = _find_tracks_by_detections(recording, uav, believed)[on]
     there = np.take_along_axis(np.pad(reported, ((0, 0), (0, 1))), holders, axis=1)  # the last column is for none
     k, m = np.nonzero(present & there)
     column = holders[k, m]

@@ -178,6 +178,10 @@ def make_results_table(summary: Mapping[str, Any]) -> Table:
     table.add_row("wall-clock factor with these", factor.with_unit(all_told), end_section=True)
     for stage, spent in summary["seconds"].items():
         table.add_row(stage.replace("_", "-"), f"{spent:.2f} s")
+    failed = METRICS["failed_decisions"]
+    if share := _read_value(summary, failed):
+        table.add_section()
+        table.add_row(failed.label, failed.with_unit(share), style="bold red")
     found = summary["contacts"]
     if found:
         table.add_section()

@@ -126,6 +126,8 @@ class Answer:
     faulty: int = 0  # number of trials done with faults, such as those of a planner that raises
     mean: Estimate = NO_ESTIMATE
     median: Estimate = NO_ESTIMATE
+    failed_decisions: float = 0.0  # mean share of failed decisions over the trials done
+    alike: bool = False  # True if several of its maps are the same, so that these are flights of one world
     difference: Difference | None = None  # None for the baseline itself
 
 
@@ -143,7 +145,11 @@ def find_answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: s
     for j in range(len(metrics)):
         for group, lines in own.items():
             found.append(replace(lines[j], difference=compared[group][j]) if group in compared else lines[j])
-        found += [Answer(None, planner, metrics[j], difference=total[j]) for planner, total in overall.items()]
+        alike = {group.planner for group in groups if group.alike}
+        found += [
+            Answer(None, planner, metrics[j], alike=planner in alike, difference=total[j])
+            for planner, total in overall.items()
+        ]
     return _mark_survivors(found)
 
 
@@ -183,6 +189,8 @@ def _answer_one(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             trials=len(group.done),
             failed=len(group.failed),
             undefined=undefined[j],
+            failed_decisions=float(np.mean([row.metrics.get("failed_decisions", 0.0) for row in group.done] or [0.0])),
+            alike=group.alike,
             faulty=sum(row.metrics.get("faults", 0.0) > 0.0 for row in group.done),
             mean=mean.cut(metric.least, metric.most),
             median=median,

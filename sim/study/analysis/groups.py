@@ -45,6 +45,12 @@ class Group:
         """Planner and cell."""
         return append_cell(self.planner, self.cell)
 
+    @property
+    def alike(self) -> bool:
+        """True if several of its seeds have the same trees and people, as from files."""
+        worlds = {row.seed: row.metrics["world"] for row in self.done if "world" in row.metrics}
+        return len(set(worlds.values())) < len(worlds)
+
     def values(self, metric: str) -> Array:
         """The metric of each trial done (n,); NaN if it is undefined."""
         return np.array([row.metrics.get(metric, np.nan) for row in self.done], dtype=float)
@@ -73,10 +79,13 @@ class Group:
         return Curves(times, found)
 
 
-def group_rows(rows: Sequence[TrialRow], baseline: str | None = None, given: Mapping[str, str] = {}) -> list[Group]:
-    """Groups of rows by cell and planner; cells are in natural order, and planners, too, after the baseline.
+def group_rows(
+    rows: Sequence[TrialRow], baseline: str | None = None, given: Mapping[str, str] = {}, order: Sequence[str] = ()
+) -> list[Group]:
+    """Groups of rows by cell and planner; cells are in natural order, and so are planners that `order` does not list.
 
-    baseline: its label, as from `baseline_of`. given: labels of planners, as from `labels_of`. A planner whose options
+    baseline: its label, as from `find_baseline`, which comes first of these. given: labels of planners, as from
+    `parse_labels`. order: entrants, as from `format_entrant`, in the order of their planners. A planner whose options
     vary with the cell, such as sma-nbo(horizon=3) where H = 3, is labelled by the text that all its cells share.
     InputError if a trial is there twice, as from a folder in which a study was flown with different settings.
     """
@@ -92,12 +101,15 @@ def group_rows(rows: Sequence[TrialRow], baseline: str | None = None, given: Map
             raise InputError(f"study: {text}; flights with other settings or other code need a folder of their own")
         group[run] = row
 
-    def order(key: tuple[Levels, str]) -> tuple[Any, ...]:
+    places = {labels[text]: -i for i, text in enumerate(reversed(order)) if text in labels}
+
+    def rank(key: tuple[Levels, str]) -> tuple[Any, ...]:
         cell, planner = key
-        return [(name, _make_sort_key(value)) for name, value in cell], planner != baseline, _make_sort_key(planner)
+        own = places.get(planner, 1), planner != baseline, _make_sort_key(planner)
+        return [(name, _make_sort_key(value)) for name, value in cell], *own
 
     groups = []
-    for cell, planner in sorted(found, key=order):
+    for cell, planner in sorted(found, key=rank):
         own = [row for _, row in sorted(found[cell, planner].items())]
         done = tuple(row for row in own if row.status == "done")
         groups.append(Group(cell, planner, done, tuple(row for row in own if row.status != "done")))

@@ -18,6 +18,7 @@ from tracking.numerics.arrays import Array
 
 LEVEL = 0.95
 POWER = 0.8  # probability that `count_maps_needed` maps detect a difference
+LEAST_MAPS = 6  # least number of maps that can tell planners apart: the p-value of n maps is never below 2 / 2ⁿ
 MOST_MAPS = 9999  # largest number of maps that is reported
 
 
@@ -151,7 +152,7 @@ def _count_needed(values: Array) -> float:
     if centre == 0:
         return np.inf
     effect = abs(centre) / (error * np.sqrt(len(values))) if error else np.inf
-    numbers = range(6, MOST_MAPS + 1)
+    numbers = range(LEAST_MAPS, MOST_MAPS + 1)
     first = bisect_left(numbers, True, key=lambda maps: _detects(effect, maps))
     return float(numbers[first]) if first < len(numbers) else np.inf
 

@@ -4,6 +4,7 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
+from planning.catalogue import PLANNERS
 from planning.planner_loading import add_options, split_options
 from sim.study.cells import COMPARED_FACTORS, TRACKER, VIEW, Levels
 from sim.study.trials import TrialPlace, TrialRow
@@ -48,6 +49,12 @@ Key = tuple[str, str]
 def format_entrant(row: TrialPlace) -> str:
     """Text of a trial's entrant in a comparison: its planner, with tracker and view if the study varies them."""
     return add_options(row.planner, _list_entered(row))
+
+
+def is_built_in(entrant: str) -> bool:
+    """True unless planner or tracker of an entrant, as from `format_entrant`, is the user's or of another package."""
+    name, options = split_options(entrant)
+    return name in PLANNERS and not any(option.startswith(f"{TRACKER}=") and ":" in option for option in options)
 
 
 def label_planners(rows: Sequence[TrialPlace], given: Mapping[str, str] = {}) -> dict[str, str]:

@@ -9,7 +9,7 @@ from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.metric import Metric
 from sim.study.analysis.answers import Answer, find_answers
 from sim.study.analysis.groups import Group, drop_constant_factors, group_rows
-from sim.study.analysis.labels import find_baseline, parse_labels
+from sim.study.analysis.labels import find_baseline, format_entrant, is_built_in, parse_labels
 from sim.study.analysis.metric_choice import choose_metrics
 from sim.study.analysis.normalised_score import Scored, find_score_ends, score_planners
 from sim.study.definition import ScoreScale, Study
@@ -30,6 +30,7 @@ class About:
     )
     wall_s: float | None = None  # sum over all trials, even if they flew at the same time
     baseline: str | None = None  # a planner of the rows, by default the first
+    order: tuple[str, ...] = ()  # entrants of the comparison, as they are shown; others follow by name
     labels: Mapping[str, str] = field(default_factory=dict)  # labels of planners, as from `parse_labels`
     metrics: tuple[str, ...] = ()  # names of metrics, by default the usual ones
     score: ScoreScale | None = None  # the study's score
@@ -40,6 +41,7 @@ def make_about(
 ) -> About:
     """Facts about a study that is to be flown; InputError if they name what its trials will not have.
 
+    Own planners and trackers come first, then all in the order in which they are given.
     baseline: label, text or name of a planner or tracker; None means the first. labels: as "label=planner".
     """
     given = parse_labels(trials, labels)
@@ -48,7 +50,13 @@ def make_about(
         find_score_ends(trials, study.score, given)
         check_known(study.at("score.metric"), study.score.metric, [*METRICS, *metrics])
     return About(
-        study.name, study.description, baseline=baseline, labels=given, metrics=tuple(metrics), score=study.score
+        study.name,
+        study.description,
+        baseline=baseline,
+        order=tuple(sorted(dict.fromkeys(map(format_entrant, trials)), key=is_built_in)),
+        labels=given,
+        metrics=tuple(metrics),
+        score=study.score,
     )
 
 
@@ -67,7 +75,7 @@ class Comparison:
 def compare_rows(rows: Sequence[TrialRow], about: About) -> Comparison:
     """Compare rows; InputError if a metric or the baseline is unknown, or there are no rows."""
     baseline = find_baseline(rows, about.baseline, about.labels)
-    every = group_rows(rows, baseline, about.labels)
+    every = group_rows(rows, baseline, about.labels, about.order)
     groups = drop_constant_factors(every)
     metrics = choose_metrics(rows, about.metrics)
     answers = find_answers(groups, metrics, baseline)

@@ -34,8 +34,9 @@ from tracking.errors import InputError
 
 _FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # file names of a report's figures
 _HOW_TO_READ = (
-    "A map is the forest and the people of one seed. Every planner flies the same maps. A cell is one combination of "
-    "the settings that the study varies.",
+    "A map is the forest and the people of one seed. Every planner flies the same maps. Seeds that share forest and "
+    "people, as from files, are flights of one world: what follows then holds for its noise alone. A cell is one "
+    "combination of the settings that the study varies.",
     "Brackets show 95 % intervals over the maps of a cell. Those of means and mean differences are Student's t "
     "intervals, extended for skewness; those of medians end at two values of the sample. They are not corrected for "
     "their number: of twenty intervals, expect one to miss the true value.",
@@ -47,7 +48,8 @@ _HOW_TO_READ = (
     "Intervals of mean GOSPA contain the true mean in 95 % of cases (median over planners and worlds of bench-1), at "
     "worst in 76 %. For other metrics, such as run times, this was not counted.",
     "Two planners can be told apart if the interval of their difference excludes zero and they share at least six "
-    "maps. If several differences are shown, a star marks those that survive Holm's correction for all of them.",
+    "maps; fewer are too few, wherever the interval ends. If several differences are shown, a star marks those that "
+    "survive Holm's correction for all of them.",
     "Maps needed is the number of maps with which a paired t test at 5 % finds a difference of the observed size in "
     "four of five comparisons. It is as uncertain as the difference itself.",
     "If maps are repeated, a map's value is the mean of its repeats.",
@@ -142,14 +144,21 @@ def _write_verdicts(found: Sequence[Answer], baseline: str, metric: Metric) -> s
     of_metric = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in of_metric if answer.cell is None}
     sentences = [
-        write_verdict(append_cell(answer.planner, answer.cell or ()), baseline, metric, answer.difference, shown=shown)
+        write_verdict(
+            append_cell(answer.planner, answer.cell or ()),
+            baseline,
+            metric,
+            answer.difference,
+            shown=shown,
+            alike=answer.alike,
+        )
         for answer in of_metric
         if answer.difference and (answer.cell is None or answer.planner not in summed)
     ]
     left_out = list_shortfalls(of_metric)
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
     flown = max(answer.flown for answer in of_metric)
-    counted = f"Maps flown: {flown}; a comparison counts those on which both planners have a value."
+    counted = f"Seeds flown: {flown}; a comparison counts those on which both planners have a value."
     return make_bullet_list(lines) + (
         (make_paragraph(counted) if sentences else "") + make_bullet_list(left_out) if left_out else ""
     )

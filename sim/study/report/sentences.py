@@ -5,16 +5,24 @@ from collections.abc import Sequence
 
 from sim.facts.metrics.metric import Metric
 from sim.study.analysis.answers import Answer, Difference
-from sim.study.analysis.intervals import LEVEL, POWER
+from sim.study.analysis.intervals import LEAST_MAPS, LEVEL, POWER
 from sim.study.analysis.labels import append_cell
 
 ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as often as they claim
 
 
-def write_verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
-    """One sentence: a planner is better or worse than the baseline, or these maps show no difference.
+def count_samples(count: int, alike: bool = False) -> str:
+    """A number of maps in words; they are flights if several of them are the same world."""
+    return f"{count} {'flight' if alike else 'map'}{'s' * (count != 1)}"
 
-    planner and baseline: their labels. shown: number of differences that the page shows, including this one.
+
+def write_verdict(
+    planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1, alike: bool = False
+) -> str:
+    """One sentence: a planner is better or worse than the baseline, or these maps show no difference or are too few.
+
+    planner and baseline: their labels. shown: number of differences that the page shows, including this one. alike: as
+    in `Answer`.
     """
     if not gap.pairs:
         return f"{planner} and {baseline} cannot be told apart: they have no map in common."
@@ -22,21 +30,29 @@ def write_verdict(planner: str, baseline: str, metric: Metric, gap: Difference, 
     mean, low, high = (metric.text(v, signed=True) for v in (gap.mean.value, gap.mean.low, gap.mean.high))
     over = f", mean over {gap.cells} cells" if gap.cells > 1 else ""
     within = f" (95 %: {low} to {high}{over})" if gap.pairs > 1 else over
-    counted = f"; of {gap.pairs} map{'s' * (gap.pairs > 1)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
+    counted = f"; of {count_samples(gap.pairs, alike)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
     ending = counted if metric.better != "neither" else ""
     apart = f"{planner} {_name_direction(metric, gap)} {baseline}"
-    alike = ", being equal on every map" if gap.tied == gap.pairs else ""
-    start = apart if gap.significant else f"{planner} and {baseline} cannot be told apart{alike}"
-    return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_write_remark(gap, shown)}".strip()
+    if gap.significant:
+        start = apart
+    elif gap.tied == gap.pairs:
+        start = f"{planner} and {baseline} cannot be told apart, being equal on every {'flight' if alike else 'map'}"
+    elif gap.pairs < LEAST_MAPS:
+        are = "is" if gap.pairs == 1 else "are"
+        start = f"{count_samples(gap.pairs, alike)} {are} too few to tell {planner} and {baseline} apart"
+    else:
+        start = f"{planner} and {baseline} cannot be told apart"
+    return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_write_remark(gap, shown, alike)}".strip()
 
 
-def _write_remark(gap: Difference, shown: int) -> str:
+def _write_remark(gap: Difference, shown: int, alike: bool) -> str:
     if gap.significant:
         lone = gap.survives or shown == 1
         return "" if lone else f"This does not survive Holm's correction for all {shown} differences."
-    few = f"{gap.pairs} map{'s' * (gap.pairs > 1)} cannot tell any planners apart; at least six are needed. "
-    needed = f"To find a difference of this size takes about {gap.needed:.0f} maps."
-    return (few if gap.pairs < 6 else "") + (needed if math.isfinite(gap.needed) else "")
+    few = f"At least {count_samples(LEAST_MAPS, alike)} are needed. " if gap.pairs < LEAST_MAPS else ""
+    if not gap.pairs < gap.needed < math.inf:
+        return few
+    return f"{few}To find a difference of this size takes about {count_samples(round(gap.needed), alike)}."
 
 
 def _name_direction(metric: Metric, gap: Difference) -> str:
@@ -57,6 +73,13 @@ def write_notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
     if any(answer.metric.unit == "m" for answer in found) or min([*counted, *compared], default=ENOUGH) < ENOUGH:
         few = f"Intervals over fewer than {ENOUGH} maps, and those of mean errors in metres, are right less often"
         lines.append(f"{few} than in 95 % of cases (docs/how-to/reports.md).")
+    if any(answer.alike for answer in found):
+        lines.append(
+            "Flights, not maps: seeds share trees and people, as from files. Intervals are over their noise and say "
+            "nothing of other worlds."
+        )
+    if any(pairs < LEAST_MAPS for pairs in compared):
+        lines.append(f"Fewer than {LEAST_MAPS} are too few to tell planners apart, wherever the interval ends.")
     if any(answer.maps < answer.flown for answer in found):
         lines.append("Maps: the number with a value, of all flown. Mean and median are over those with a value.")
     if compared:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import Literal, NamedTuple
 
+from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.metric import UNKNOWN, Metric
 from sim.study.analysis.answers import NO_DIFFERENCE, Answer, Difference, map_means
 from sim.study.analysis.groups import Group
@@ -16,6 +17,9 @@ from sim.study.analysis.normalised_score import Scored
 from sim.study.cells import Levels
 
 Value = str | float | None
+
+
+FAILED = METRICS["failed_decisions"]
 
 
 class Entry(NamedTuple):
@@ -50,6 +54,12 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
         Entry("mean", answer.mean.text(metric), _list_ends("mean", answer.mean), "cell"),
         Entry("median", answer.median.text(metric), _list_ends("median", answer.median), "cell", wide_only=True),
         Entry(
+            "failed\ndecisions",
+            FAILED.text(answer.failed_decisions) + " %",
+            {"failed_decisions": answer.failed_decisions},
+            "cell",
+        ),
+        Entry(
             f"minus {baseline}",
             ("* " if gap.survives else "") + gap.mean.text(metric, signed=True),
             _list_ends("difference", gap.mean),
@@ -71,7 +81,13 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
             },
             "difference",
         ),
-        Entry("maps\nneeded", _format_maps_needed(gap), {"maps_needed": gap.needed}, "difference", wide_only=True),
+        Entry(
+            "maps\nneeded",
+            _format_maps_needed(gap),
+            {"maps_needed": gap.needed},
+            "difference",
+            wide_only=True,
+        ),
     ]
     empty = {"cell": answer.cell is None, "difference": answer.difference is None, "answer": False}
     return [e._replace(text=e.if_empty, fields=dict.fromkeys(e.fields)) if empty[e.known_of] else e for e in entries]
@@ -100,7 +116,8 @@ def _list_ends(name: str, estimate: Estimate) -> dict[str, Value]:
 def _format_maps(answer: Answer) -> str:
     if answer.cell is None:
         return f"{answer.difference.cells} cells" if answer.difference else ""
-    return str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
+    count = str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
+    return f"{count} flights" if answer.alike else count
 
 
 def _format_record(gap: Difference, metric: Metric) -> str:
@@ -138,6 +155,7 @@ class Table(NamedTuple):
 def make_answer_tables(found: Sequence[Answer], baseline: str, *, wide: bool = True) -> list[Table]:
     """The table of each metric; wide: False leaves out the columns for which a narrow terminal has no room."""
     compared = any(answer.difference for answer in found)
+    failing = any(answer.failed_decisions for answer in found)
     listed = []
     for metric, of_metric in groupby(found, lambda answer: answer.metric):
         rows = []
@@ -145,6 +163,7 @@ def make_answer_tables(found: Sequence[Answer], baseline: str, *, wide: bool = T
         for answer in of_metric:
             entries = [entry for entry in make_entries(answer, baseline) if wide or not entry.wide_only]
             shown = [entry for entry in entries if compared or entry.known_of != "difference"]
+            shown = [entry for entry in shown if failing or "failed_decisions" not in entry.fields]
             heads = [entry.head for entry in shown]
             rows.append(TableRow(answer.cell, [entry.text for entry in shown]))
         listed.append(Table(metric.title, heads, rows, metric))

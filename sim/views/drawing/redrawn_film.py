@@ -47,7 +47,7 @@ def write_film(
         again = stack.enter_context(Rerenderer(recording)) if film.cameras else None
 
         def frames(k: int) -> list[Image | None] | None:
-            return again.frames(k, film.cameras) if again else None
+            return again.images(k, film.cameras) if again else None
 
         for k in range(scans[0]):
             film.follow(recording.snapshot(k), frames(k) if k > scans[0] - film.cycle else None)

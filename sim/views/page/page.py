@@ -44,6 +44,7 @@ _RESULTS = {  # metrics at the top, by their label there
 }
 _LARGE_FILM, _FILM = 8_000_000, 5_000_000  # bytes: a larger film is encoded again, with about so many
 _MOST_FAULTS = 3  # number of faults of different kinds at the top
+_PRINTED = {"losses": 6, "incidents": 3}  # entries of each list on paper, in page.css
 _SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
 
 
@@ -219,7 +220,9 @@ def _list_events(name: str, events: Sequence[Event], recording: Recording, shown
     if not events:
         return f'<p id="{name}">None.</p>'
     items = "\n".join(_make_item(event, recording, shown, place) for event in events)
-    return f'<ol class="events" id="{name}">\n{items}\n</ol>'
+    left = len(events) - _PRINTED[name]
+    paper = f'\n<p class="paper">and {left} more, in mission.html</p>' if left > 0 else ""
+    return f'<ol class="events" id="{name}">\n{items}\n</ol>{paper}'
 
 
 def _make_item(event: Event, recording: Recording, shown: Shown, place: str) -> str:

@@ -1,5 +1,8 @@
 """`understory compare`: what it says, what it leaves, and how it ends."""
 
+import re
+from pathlib import Path
+
 import pytest
 from helpers.studies import Serial, sql
 
@@ -44,7 +47,7 @@ def test_more_repeats_are_flown_on_the_same_maps_and_shown(compare, tmp_path):
     assert sorted((r.seed, r.repeat) for r in rows if r.planner == "hover") == [(0, 0), (0, 1), (1, 0), (1, 1)]
     assert len({r.ospa.tobytes() for r in rows}) == 8
     page = (tmp_path / "runs" / "compare" / "report.html").read_text()
-    assert "--repeat 1 --set" in page and "greedy and hover cannot be told apart" in page
+    assert "--repeat 1 --set" in page and "2 maps are too few to tell greedy and hover apart" in page
 
 
 def test_long_planners_are_told_apart_by_what_differs_or_by_labels(compare, tmp_path):
@@ -58,7 +61,7 @@ def test_long_planners_are_told_apart_by_what_differs_or_by_labels(compare, tmp_
     assert code == 0 and "minus far" in out
     assert f"far is {LONG[1]}\nnear is {LONG[0]}\n" in out and out.count("sma-nbo") == 2  # nowhere else
     files = tmp_path / "runs" / "compare"
-    assert [line.split(",")[0] for line in (files / "table.csv").read_text().splitlines()[1:3]] == ["far", "near"]
+    assert [line.split(",")[0] for line in (files / "table.csv").read_text().splitlines()[1:3]] == ["near", "far"]
     page = (files / "report.html").read_text()
     assert "near and far cannot be told apart" in page and f"--planner &#x27;{LONG[1]}&#x27;" in page
 
@@ -158,6 +161,53 @@ def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare
     both = ("--planner", "hover", "--planner", "greedy", "--out", "s", *FLAGS)
     assert compare(*both, "--seeds", "0", executor=Serial())[2].endswith(told.replace("2 trials", "1 trial"))
     assert "not shown" not in compare(*both, "--seeds", "0,1", executor=Serial())[2]
+
+
+@pytest.mark.parametrize(
+    ("then", "place"),
+    [
+        (["--planner", "greedy", "--seeds", "0-1"], "compare-2"),
+        (["--planner", "hover", "--seeds", "0"], "compare-2"),
+        (["--planner", "hover", "--seeds", "2-3"], "compare-2"),
+        (["--planner", "hover", "--seeds", "0-1", "--set", "wind.gust=1"], "compare-2"),
+        (["--planner", "hover", "--seeds", "0-1", "--tracker", "jpda"], "compare"),
+        (["--planner", "hover", "--seeds", f"0-1,{2**70}"], "compare"),
+        (["--planner", "hover", "--planner", "greedy", "--seeds", "0-1"], "compare"),
+        (["--planner", "hover()", "--seeds", "0-1", "--metric", "faults", "--redo"], "compare"),
+    ],
+)
+def test_a_report_is_replaced_only_by_one_of_the_same_trials_or_more(compare, then, place):
+    first = Path("runs/compare")
+    assert compare("--planner", "hover", "--seeds", "0-1", *FLAGS, executor=Serial(INVENTED))[0] == 0
+    before = (first / "report.html").read_bytes()
+    for _ in range(2):  # the same command goes on where it was
+        code, out, err = compare(*then, *FLAGS, executor=Serial(INVENTED))
+        assert code == 0 and f"Results in runs/{place} (report.html)" in out
+        assert (f"runs/compare holds other results; those of this comparison go into runs/{place}" in err) == (
+            place != "compare"
+        )
+    assert ((first / "report.html").read_bytes() == before) == (place != "compare")
+    assert sorted(path.name for path in Path("runs").iterdir()) == sorted({"compare", place})
+
+
+def test_own_planners_and_trackers_come_first_then_the_order_given(compare, tmp_path, monkeypatch):
+    (tmp_path / "ordered.py").write_text("from planning.baselines import Hover as Mine\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    planners = ["random", "greedy", "ordered:Mine", "hover"]
+    options = [word for planner in planners for word in ("--planner", planner)]
+    _, out, _ = compare(*options, "--seeds", "0", *FLAGS, "--out", "s", executor=Serial(INVENTED))
+    names = [line.split()[0] for line in out.splitlines() if re.search(r"\s1\s+0\.\d\d", line)]
+    assert names[:4] == ["Mine", "random", "greedy", "hover"] and "minus random" in out
+    lines = Path("s/table.csv").read_text().splitlines()[1:5]
+    assert [line.partition(",")[0] for line in lines] == ["ordered:Mine", "random", "greedy", "hover"]
+
+
+@pytest.mark.parametrize("taken", ["report.html", "mission.npz"])
+def test_results_without_a_store_are_left_alone(compare, taken):
+    Path("runs/compare").mkdir(parents=True)
+    Path("runs/compare", taken).write_text("mine")
+    out = compare("--planner", "hover", "--seeds", "0", *FLAGS, executor=Serial(INVENTED))[1]
+    assert "Results in runs/compare-2" in out and Path("runs/compare", taken).read_text() == "mine"
 
 
 SCORED = """

@@ -64,9 +64,9 @@ def test_the_command_shows_trackers_side_by_side(compare, tmp_path, monkeypatch)
     code, out, err = compare(*options, *FLAGS)
     assert (code, err) == (0, ""), err
     lines = [line.split() for line in out.splitlines() if line.split()[:1] in (["jpda"], ["Same"])]
-    assert [line[0] for line in lines[:2]] == ["jpda", "Same"]
+    assert [line[0] for line in lines[:2]] == ["Same", "jpda"]
     assert "Same is hover(tracker=sametracker:Same)\n" in out
-    assert "0, 2, 0" in " ".join(lines[1])  # won, tied, lost: the same tracker under another name
+    assert "0, 2, 0" in " ".join(lines[0])  # won, tied, lost: the same tracker under another name
     page = (tmp_path / "runs" / "compare" / "report.html").read_text()
     assert "hover(tracker=sametracker:Same)" in page and "--set tracking.tracker=sametracker:Same" in page
     code, _, err = compare("--tracker", "jdpa", *FLAGS)

@@ -16,7 +16,7 @@ from sim.cli.run import show_run
 from sim.mission.archive import save
 from sim.scenario.loading import SCENARIOS
 from sim.study.definition import STUDIES
-from sim.terminal.commands import run_command_line
+from sim.terminal.commands import load_command, run_command_line
 from sim.terminal.console import say
 
 AILING = """
@@ -38,6 +38,9 @@ def test_every_command_has_help_without_types_of_python(call, command):
     code, out, err = call(*([] if command is None else [command]), "--help")
     assert (code, err) == (0, "") and "Usage: " in out and "--help" in out
     assert not re.search("<|BOOLEAN|TEXT|PATH", out)
+    flat = " ".join(out.replace("│", " ").split())
+    for param in load_command(COMMANDS[command][0]).params if command else ():
+        assert " ".join(param.help.split()) in flat and "  " not in param.help
 
 
 def test_without_any_folder_for_temporary_files_commands_say_so(call, monkeypatch):
@@ -68,6 +71,7 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path, monkeypa
     before, _, after = out.partition("┏")
     assert "fault at 0.0 s, 5 times until 4.0 s, team: RuntimeError: [bold]lost\n" in before and "fault" not in after
     assert f"{tmp_path / 'ailing.py'}:4, in plan: raise RuntimeError" in before and "All 5 faults" in before
+    assert re.search("decisions that failed +│ +100.0 %", after)
     assert "Files in runs/forest-ailing.Ailing-seed0-2:\n  mission.npz, ospa.png, summary.json, timeline.png\n" in out
 
 

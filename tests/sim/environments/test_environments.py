@@ -60,7 +60,7 @@ def test_a_team_that_renders_and_sees_keeps_to_the_rules():
     observation, *_ = env.step(np.ones((3, 2)))
     assert not np.array_equal(first, env.render())
     mission, _ = fly("dynamics=kinematic", planner=eastward(1.0, 1.0), seed=1, duration=1)
-    assert np.array_equal(observation["image"], mission.frames)
+    assert np.array_equal(observation["image"], mission.images)
 
 
 def eastward(east, north):

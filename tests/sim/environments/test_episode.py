@@ -28,7 +28,7 @@ def test_a_slow_camera_shows_the_frame_it_took_between_two_decisions(drawn):
     options = ["duration=1", "rates.sensing=6", "rates.planning=3", "uavs.0.rate=2"]
     options.append("dynamics=kinematic")
     frames, tiles = [], []
-    mission, snapshots = fly(*options, see=lambda mission: frames.append(list(mission.frames)))
+    mission, snapshots = fly(*options, see=lambda mission: frames.append(list(mission.images)))
     film = Film(mission.scenario, mission.forest, planner="hover")
     boxes = lay_out_parts(mission.scenario).tiles.values()
     for snapshot, images in zip(snapshots, frames, strict=True):

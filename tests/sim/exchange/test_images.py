@@ -16,6 +16,7 @@ from sim.mission.archive import load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
 from sim.scenario.loading import load_scenario
+from tracking.detection.blob_detector import BlobDetector
 from tracking.errors import InputError
 
 LENS = "{width = 192, height = 128, hfov_deg = 60, distortion = [-0.2, 0.05]}"
@@ -74,6 +75,24 @@ def test_a_detector_of_ones_own_gets_the_images_and_its_errors_are_one_line(flig
     with pytest.raises(InputError, match="'blobb' is unknown"):
         read_flight(folder, detector="blobb")
     sys.modules.pop("mine")
+
+
+@pytest.mark.parametrize("kind", [np.uint16, np.float32])
+def test_images_of_more_than_eight_bits_keep_their_contrast_and_that_is_said(flight, tmp_path, monkeypatch, kind):
+    folder, detect, taken, dim = shutil.copytree(flight[1], tmp_path / "flight"), BlobDetector.detect, [], []
+    for row in (folder / "images.csv").read_text().splitlines()[1:]:
+        path = folder / row.split(",")[2]
+        dim.append(7300 + (cv2.imread(str(path)).astype(kind) // 2))
+        cv2.imwrite(str(path.with_suffix(".tiff")), dim[-1])
+    (folder / "images.csv").write_text((folder / "images.csv").read_text().replace(".png", ".tiff"))
+    monkeypatch.setattr(BlobDetector, "detect", lambda self, frame: taken.append(frame.image) or detect(self, frame))
+    log = read_flight(folder)
+    for image, values in zip(taken, dim, strict=True):
+        share = (values - values.min()) / (values.max() - values.min())
+        assert image.dtype == np.uint8
+        np.testing.assert_allclose(image, 255.0 * share[..., ::-1], atol=0.51)
+    (said,) = [text for text in log.remarks if "bits" in text]
+    assert said.startswith("images: those of UAVs 0, 1 and 2 have more than 8 bits: in each, the darkest value ")
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ from helpers.teams import Spy, with_little_effort
 from planning.catalogue import PLANNERS
 from sim.facts.flight import find_scans
 from sim.mission.archive import load_recording
+from sim.mission.fault import Fault
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
 from sim.scenario.loading import load_scenario
-from sim.sensing.fault import Fault
 from sim.study.trial_flight import fly_trial
 from tracking.errors import InputError
 

@@ -74,7 +74,7 @@ def test_recordings_have_truth_and_belief_and_can_be_rendered_and_tracked_again(
     recorder = Recorder()
     for snapshot in mission.fly():
         recorder.add(snapshot)
-        images.append(mission.frames)
+        images.append(mission.images)
     flown = recorder.recording(
         scenario=encode_scenario(mission.scenario), planner="east", seed=3, forest=mission.forest
     )

@@ -9,12 +9,12 @@ from helpers.studies import task_of
 
 from planning.planner_loading import load_planner
 from sim.mission.archive import load_recording, save
+from sim.mission.fault import Fault
 from sim.mission.recorder import Recorder
 from sim.mission.recording import LONGEST_FAULT, MOST_FAULTS, decode_faults, encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
 from sim.scenario.loading import load_scenario
-from sim.sensing.fault import Fault
 from sim.study.trial_flight import fly_trial
 
 OPTIONS = ("sensing.mode=ideal", "uavs.1.fails_at=1.1")

@@ -17,7 +17,6 @@ from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import view_of
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.management.escapes import Escapes
 
@@ -51,7 +50,7 @@ def errors(seed: int) -> Iterator[tuple[float, float]]:
     """
     flown, snapshots = fly("trees.density=75", planner=DEFAULT_PLANNER, seed=seed, duration=40)
     scenario, rng, states = flown.scenario, np.random.default_rng(seed), {}
-    cameras, p = [view_of(uav, scenario) for uav in scenario.uavs], make_tracker_parameters(scenario)
+    cameras, p = [scenario.believed_camera(i) for i in range(len(scenario.uavs))], make_tracker_parameters(scenario)
     missed = 1.0 - p.detection_probability
     for snapshot in snapshots:
         tracks = {track.id: track for track in snapshot.tracks[0]}

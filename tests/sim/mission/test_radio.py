@@ -1,7 +1,6 @@
 """Networks lose messages, have fixed links, and split and heal, and a mission comes out as it must."""
 
 import dataclasses
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,8 +19,6 @@ from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.radio import Inbox, RadioLinks, Sender, draw_jitter, draw_lost_messages, find_links
 from sim.scenario.loading import load_scenario
 from sim.scenario.uavs import Cut, Network
-from sim.sensing.sensor_mode import Shot
-from sim.sensing.sensors import Sensors
 from sim.study.trial_flight import fly_trial
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
@@ -105,10 +102,10 @@ def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
 def decide(knowledge, k, poses, links):
     """Situations of the decision at scan k, in which the UAVs at these poses take frames without a detection."""
     time, uavs = k / 5.0, range(len(poses))
-    looks = [Sensors.rest(Shot(i, 0, time, pose, np.zeros((0, 2)))) for i, pose in enumerate(poses)]
-    looks = [replace(look, taken=knowledge._scenario.has_frame(i, k)) for i, look in enumerate(looks)]
-    knowledge.track(time, looks, links, list(uavs))
-    return knowledge.make_situations(k, [BodyState(pose, np.zeros(2)) for pose in poses], links, list(uavs))
+    taken = [i for i in uavs if knowledge._scenario.has_frame(i, k)]
+    scans = {i: Scan(i, time, poses[i], np.zeros((0, 2)), np.zeros((0, 2, 2))) for i in taken}
+    knowledge.track(time, scans, links, list(uavs))
+    return knowledge.begin_decision(k, [BodyState(pose, np.zeros(2)) for pose in poses], links, list(uavs))
 
 
 def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
@@ -135,10 +132,8 @@ def test_a_frame_changes_the_tracks_of_those_who_hear_of_it_alone():
     """UAV 0 has broken down, and the last one detects a person."""
     setting = load_scenario("forest", IDEAL)
     poses = [Pose.level(*uav.start, uav.altitude) for uav in setting.uavs]
-    (person,) = people = np.array([[-28.0, 14.0]])
-    looks = [Sensors.rest(Shot(i, 0, 0.0, pose, people)) for i, pose in enumerate(poses)]
-    measured = Scan(2, 0.0, poses[2], person[None] + 0.5, np.eye(2)[None] * 0.1)
-    looks[2] = replace(looks[2], scan=measured, taken=True)
+    person = np.array([-28.0, 14.0])
+    scans = {2: Scan(2, 0.0, poses[2], person[None] + 0.5, np.eye(2)[None] * 0.1)}
 
     def known(*arrives):
         """Places of the tracks of UAVs 1 and 2, if messages from one to another arrive."""
@@ -147,7 +142,7 @@ def test_a_frame_changes_the_tracks_of_those_who_hear_of_it_alone():
             lost[:, receiver, sender] = False
         at = [track(0, *person, 0.0, 0.0)]
         knowledge = Knowledge(setting, Forest(()), at, exchange=Exchange(), rng=np.random.default_rng(0))
-        tracks, _ = knowledge.track(0.0, looks, RadioLinks(~np.eye(3, dtype=bool), lost), [1, 2])
+        tracks, _ = knowledge.track(0.0, scans, RadioLinks(~np.eye(3, dtype=bool), lost), [1, 2])
         assert tracks[0] == ()
         return [tracks[i][0].belief.mean[:2] for i in (1, 2)]
 

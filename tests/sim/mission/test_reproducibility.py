@@ -20,7 +20,7 @@ from sim.study.trial_flight import fly_trial
 EXPECTED = [
     "a4eff8ded9ab167517c3ed4b8a1e3a49bedc7dcdb01a7a11a5fdf097ed4ced7d",
     "ed5608f19dd146b434a6a77d0b273d3ed3b08ee18ab4cfb8d958fc1d032af651",
-    "552772edea203aaadf46478b26968b81f3b6ec9a26036fd823cb6bb4f71eeb8f",
+    "cd05cd624a51c6c15887930fcaa851dbc5afae944b279ec56cde57c0bd071404",
 ]
 # At once, as each alone flies the mission again.
 EVERYTHING = {

@@ -19,7 +19,6 @@ from sim.mission.archive import find_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
 from sim.scenario.loading import load_scenario
-from sim.sensing.cameras import noise_of, view_of
 from sim.views.frames.frame_panels import write_frames
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
@@ -58,9 +57,9 @@ def test_a_uav_sees_in_all_directions_with_the_noise_of_its_own_camera():
     for noise in ("camera", "range_bearing"):
         limited = load_scenario("forest", [f"sensing.noise={noise}"])
         free = load_scenario("forest", [*ALL, f"sensing.noise={noise}"])
-        for uav in free.uavs:
-            assert noise_of(uav, free) == noise_of(uav, limited)
-            assert view_of(uav, limited) == uav.true_camera and view_of(uav, free).fov == ALL_ROUND
+        for i, uav in enumerate(free.uavs):
+            assert free.noise_model(i) == limited.noise_model(i)
+            assert limited.believed_camera(i) == uav.true_camera and free.believed_camera(i).fov == ALL_ROUND
 
 
 @pytest.mark.parametrize("occlusion", ["disc", "line_of_sight"])

@@ -102,6 +102,16 @@ def test_an_angle_of_view_is_that_between_the_ends_of_the_middle_row():
         np.testing.assert_allclose(np.degrees(np.arctan(ends)), [-35.0, 35.0], atol=1e-9)
 
 
+@pytest.mark.parametrize("distortion", [(), (-0.2, 0.05), (-0.1, 0.02, 0.004, -0.006), (0.0, 0.0, 0.0, 0.003)])
+@pytest.mark.parametrize("centre", [None, (310.0, 255.0), (200.0, 239.5), (640.0, 239.5)])
+@pytest.mark.parametrize("angle", [12.0, 50.0])
+def test_an_angle_of_view_is_kept_by_lenses_out_of_the_middle_and_askew(distortion, centre, angle):
+    given = CameraSettings(width=640, height=480, hfov_deg=angle, centre=centre, distortion=distortion, scale=0.5)
+    one, other = (np.append(ray, 1.0) for ray in make_camera(given).slopes(np.array([[0.0, 120.0], [320.0, 120.0]])))
+    cosine = one @ other / np.linalg.norm(one) / np.linalg.norm(other)
+    assert np.degrees(np.arccos(cosine)) == pytest.approx(angle, abs=1e-6)
+
+
 def test_a_scaled_camera_sees_the_same_rays():
     whole = CameraSettings(width=5280, height=3956, focal=(3713.29, 3713.29), centre=(2646.5, 1968.8), scale=0.5)
     camera, half = make_camera(msgspec.structs.replace(whole, scale=0.75)), make_camera(whole)
@@ -150,6 +160,11 @@ def test_files_are_found_beside_the_scenario_and_overrides_here(tmp_path, monkey
             "{width = 640, height = 480, focal = [400, 400], distortion = [-0.5]}",
             r"uavs.0.camera: distortion: \[-0.5, 0.0, 0.0, 0.0, 0.0\] folds the image over; ",
         ),
+        *(
+            (f"{{width = 640, height = 480, hfov_deg = 60, {lens}}}", "distortion: .* folds the image over")
+            for lens in ("distortion = [-2.5]", "distortion = [0, -6.0]", "distortion = [-2.5], centre = [300, 200]")
+        ),
+        ("{width = 640, height = 480, hfov_deg = 60, centre = [900, 240]}", "centre: .* spans no hfov_deg of 60"),
         (
             "{width = 640, height = 480, hfov_deg = 60, scale = 0.01}",
             "uavs.0.camera: scale: 0.01 gives images of 6 pix",

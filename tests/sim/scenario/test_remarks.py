@@ -9,6 +9,7 @@ from sim.scenario.uavs import Uav
 from tracking.detection.silhouette import make_silhouette
 
 WHERE = "where a person's own would be"
+SLOW = "take a second or more each to render; faster with"
 SELDOM = "which will seldom or never see one; a smaller footprint or more pixels show people"
 
 
@@ -32,9 +33,16 @@ def test_a_person_straight_below_covers_the_pixels_of_the_mean_silhouette(footpr
         ),
         (["uavs.1.footprint=80", "sensing.mode=ideal"], []),
         (["uavs.1.footprint=60"], []),
+        (["uavs.1.pixels=2048"], [f"uavs.1: images of 2048 × 2048 pixels {SLOW} --set uavs.1.pixels=554"]),
+        (
+            ["uavs.2.camera={width = 4000, height = 3000, hfov_deg = 60}"],
+            [f"uavs.2: images of 4000 × 3000 pixels {SLOW} --set uavs.2.camera.scale=0.16"],
+        ),
+        (["uavs.2.camera={width = 4000, height = 3000, hfov_deg = 60, scale = 0.16}"], []),
+        (["uavs.1.pixels=2048", "sensing.mode=ideal"], []),
     ],
 )
-def test_a_person_smaller_than_a_pixel_is_told_of_before_the_flight(changes, remarks):
+def test_images_that_are_too_small_or_too_large_are_told_of_before_the_flight(changes, remarks):
     assert find_remarks(load_scenario("forest", changes)) == remarks
 
 

@@ -24,6 +24,13 @@ class Good:
         return found
 
 
+class Ordering(Good):
+    """Takes images for BGR, as OpenCV reads them."""
+
+    def detect(self, frame):
+        return BlobDetector(None).detect(replace(frame, image=frame.image[..., ::-1]))
+
+
 class Raising:
     def detect(self, frame):
         raise RuntimeError("two\nlines")
@@ -121,6 +128,7 @@ BROKEN = {
     Uncertain: {"detections": "covariances"},
     Flat: {"detections": "finer image: ValueError: expected 128 x 128 pixels"},
     Blind: {"people": "0 of 6 in plain view"},
+    Ordering: {"people": "6 with red and blue exchanged: images are RGB, not BGR"},
     Seeing: {"people": "false detection", "no person in view": "20 detections"},
     Sure: {"covariances": "far too small"},
     Unsure: {"covariances": "far too large"},
@@ -141,6 +149,7 @@ def test_good_detectors_conform(name):
     assert [str(f) for f in findings if not f.passed] == []
     assert "6 of 6 in plain view, 0 false detections" in str(findings[1])
     assert str(findings[2]).count(" 6 of 6") == 4
+    assert ("it writes into frame.image" in str(findings[0])) == (name not in DETECTORS.built_in)
 
 
 @pytest.mark.parametrize("kind", BROKEN)

@@ -52,7 +52,7 @@ def scenario(detector, **sensing):
 
 def fly(setting, seed=0):
     mission = Mission(setting, load_planner("hover"), seed)
-    return mission, [(snapshot, mission.frames[0]) for snapshot in mission.fly()]
+    return mission, [(snapshot, mission.images[0]) for snapshot in mission.fly()]
 
 
 @pytest.mark.parametrize("name", [*DETECTORS.built_in])

@@ -7,13 +7,12 @@ import pytest
 from helpers.flights import fly
 from scipy.spatial.transform import Rotation
 
+from sim.mission.knowledge import BodyState, vehicle_of
 from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.sensing.cameras import camera_pose, vehicle_of
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
-from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
@@ -29,14 +28,14 @@ def body(*angles):
 
 
 def planned_attitude(carrier, pose):
-    return vehicle_of(0, pose, np.zeros(2), Scenario(uavs=(carrier,))).attitude
+    return vehicle_of(Scenario(uavs=(carrier,)), 0, BodyState(pose, np.zeros(2))).attitude
 
 
 @pytest.mark.parametrize("tilt", [0.0, 10.0, 59.0])
 def test_a_gimbal_holds_its_camera_tilted_to_the_east_however_the_body_turns(tilt):
     sin, cos = math.sin(math.radians(tilt)), math.cos(math.radians(tilt))
     for pose in (body(0, 0, 0), body(70, 10, -20)):
-        camera = camera_pose(uav(tilt=tilt), pose)
+        camera = uav(tilt=tilt).camera_pose(pose)
         np.testing.assert_allclose(-camera.rotation[:, 2], [sin, 0.0, -cos], atol=1e-12)  # where it looks
         np.testing.assert_allclose(camera.rotation[:, 1], [0.0, 1.0, 0.0], atol=1e-12)  # north at the top
         np.testing.assert_array_equal(camera.quaternion, planned_attitude(uav(tilt=tilt), pose))
@@ -45,15 +44,15 @@ def test_a_gimbal_holds_its_camera_tilted_to_the_east_however_the_body_turns(til
 def test_a_body_fixed_camera_turns_with_the_body_which_planners_take_as_level():
     for angles in ((0, 0, 0), (90, 0, 0), (-130, 12, 7)):
         pose = body(*angles)
-        camera = camera_pose(uav("body", 40.0), pose)
+        camera = uav("body", 40.0).camera_pose(pose)
         expected = pose.rotation @ Rotation.from_euler("Y", -40.0, degrees=True).as_matrix()
         np.testing.assert_allclose(camera.rotation, expected, atol=1e-12)
-    north = camera_pose(uav("body", 40.0), body(90, 0, 0))
+    north = uav("body", 40.0).camera_pose(body(90, 0, 0))
     assert -north.rotation[:, 2] == pytest.approx([0.0, math.sin(math.radians(40)), -math.cos(math.radians(40))])
     leaning, level = body(-130, 12, 7), body(-130, 0, 0)
     heading = math.atan2(leaning.rotation[1, 0], leaning.rotation[0, 0])
     assert math.degrees(heading) == pytest.approx(-130)
-    expected = camera_pose(uav("body"), level).quaternion
+    expected = uav("body").camera_pose(level).quaternion
     np.testing.assert_allclose(planned_attitude(uav("body"), leaning), expected, atol=1e-12)
     np.testing.assert_array_equal(planned_attitude(uav("body", 0.0), leaning), [0.0, 0.0, 0.0, 1.0])
 
@@ -67,8 +66,8 @@ def test_a_tilted_camera_measures_people_ahead_where_they_are(tilt):
     people = np.array([[ahead, 0.0], [ahead + 4.0, 3.0], [ahead - 3.0, -4.0], [-6.0, 0.0]])
     with World(setting, Forest(()), 4) as world:
         world.place_people(people, np.zeros(4))
-        sensors = Sensors(setting, world, Forest(()), rng=np.random.default_rng(0), clock=Stopwatch())
-        look = sensors.take(Shot(0, 0, 0.0, camera_pose(setting.uavs[0], world.poses()[0]), people))
+        sensors = Sensors(setting, world, Forest(()), np.random.default_rng(0))
+        look = sensors.read(sensors.expose(Shot(0, 0, 0.0, setting.uavs[0].camera_pose(world.poses()[0]), people)))
     assert look.matched.tolist() == [True, True, True, False]  # the last one stands behind
     gaps = np.linalg.norm(people[:3, None] - look.scan.measurements, axis=2).min(axis=1)
     assert gaps.max() < 0.3
@@ -82,7 +81,7 @@ def test_tilted_fleets_fly_and_see_people_where_they_look(mount, dynamics):
     assert mission.faults == []
     for s in snapshots:
         for i, (uav, camera) in enumerate(zip(mission.scenario.uavs, s.cameras, strict=True)):
-            np.testing.assert_array_equal(camera.quaternion, camera_pose(uav, s.poses[i]).quaternion)
+            np.testing.assert_array_equal(camera.quaternion, uav.camera_pose(s.poses[i]).quaternion)
     assert any(s.matched.any() for s in snapshots) and max(s.ospa[:, 0].mean() for s in snapshots) < 1.0
 
 
@@ -90,7 +89,7 @@ def test_each_camera_takes_frames_at_its_own_rate_by_default_at_each_scan():
     frames = []
 
     def keep(mission):
-        frames.append([frame is not None for frame in mission.frames])
+        frames.append([frame is not None for frame in mission.images])
 
     mission, snapshots = fly("uavs.1.rate=1", "trees.density=0", duration=3, see=keep)
     expected = np.ones((16, 3), dtype=bool)

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from planning.baselines import Greedy
 from sim.facts.rerender import Rerenderer
 from sim.mission.mission import Mission
-from sim.running.fly import record
+from sim.mission.trial import Trial
+from sim.running.fly import fly_mission, record
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
@@ -20,7 +21,6 @@ from sim.sensing.renderer import Renderer
 from sim.sensing.rolling_shutter import Sweep
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
-from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
@@ -89,9 +89,9 @@ def test_people_are_where_the_believed_poses_of_their_rows_put_them():
             i, j = np.meshgrid(np.arange(-10.0, 11.0, 5.0), np.arange(-10.0, 11.0, 5.0))
             people = rng.permutation(np.column_stack([i.ravel(), j.ravel()]))[:PEOPLE] + rng.uniform(-1, 1, (PEOPLE, 2))
             world.place_people(people, rng.uniform(-math.pi, math.pi, PEOPLE))
-            subject = Sensors(setting, world, Forest(()), rng=rng, clock=Stopwatch())
-            subject.take(Shot(0, 0, 0.0, true[0], people, believed[0]))
-            found = subject.take(Shot(0, 0, 0.2, true[1], people, believed[1]))
+            subject = Sensors(setting, world, Forest(()), rng)
+            subject.expose(Shot(0, 0, 0.0, true[0], people, believed[0]))
+            found = subject.read(subject.expose(Shot(0, 0, 0.2, true[1], people, believed[1])))
             for z, (_, v) in zip(found.scan.measurements, found.pixels, strict=True):
                 share = 1.0 + 0.5 * (v / 120 - 0.5)
                 expected = move_to_believed(people, at(true, share), at(believed, share))
@@ -114,10 +114,39 @@ def test_frames_of_a_recording_are_those_of_the_mission():
     mission, snapshots, images = Mission(scenario, Greedy(), 1), [], []
     for snapshot in mission.fly():
         snapshots.append(snapshot)
-        images.append(mission.frames[0])
+        images.append(mission.images[0])
     with Rerenderer(record(mission, snapshots).recording) as again:
         for k, image in enumerate(images):
             np.testing.assert_array_equal(again.image(k, 0), image)
+
+
+@pytest.mark.parametrize("planner", ["hover", "greedy"])
+@pytest.mark.parametrize("mount", ["gimbal", "body"])
+def test_a_person_whom_nothing_hides_has_share_one(planner, mount):
+    """Also where the edge of the image cuts them."""
+    fleet = f'uavs=[{{start=[-25,-10], footprint=26, camera={CAMERA.replace("0.05", "0.15")}, mount="{mount}"}}]'
+    scenario = load_scenario("forest", ["duration=2", "trees.density=0", "people.count=4", fleet])
+    recording = fly_mission(Trial(scenario, planner, 1)).recording
+    shown = np.argwhere(recording.visible[:, 0] > 0).tolist()
+    with Rerenderer(recording) as again:
+        assert [again.count_whole(k, 0, m) for k, m in shown] == [recording.visible[k, 0, m] for k, m in shown]
+    assert len(shown) > 10 and (np.ptp(recording.poses[:, 0, :2], axis=0).max() > 1) == (planner == "greedy")
+
+
+def test_a_hovering_camera_shows_people_where_they_are_when_their_rows_are_exposed():
+    """They walk by 0.87 pixels while the image is read out; without a sweep, and with one, that is seen to the east."""
+    camera, pose, readout = Camera.calibrated(640, 480, (550.0, 550.0), (320.0, 240.0)), Pose.level(0.0, 0.0, 20.0), 0.1
+    walk = 0.87 * 20.0 / 550.0 / readout
+    people = np.array([[-7.0, 7.0], [0.0, 7.0], [7.0, 7.0], [-6.0, -7.5], [1.0, -7.5], [8.0, -7.5]])
+    sweep = Sweep(readout, np.zeros(3), np.zeros(3), np.tile([walk, 0.0], (len(people), 1)))
+    with World(SCENARIO, Forest(()), len(people)) as world:
+        world.place_people(people, np.zeros(len(people)))
+        renderer = Renderer(world)
+        masks = [renderer.find_people(camera, pose, each) for each in (None, sweep)]
+    for m in range(len(people)):
+        (before, _), (after, rows) = (np.argwhere(mask == m)[:, ::-1].mean(axis=0) for mask in masks)
+        assert after - before == pytest.approx(0.87 * (rows / 480 - 0.5), abs=0.2)
+    assert not np.array_equal(*masks)
 
 
 def test_a_readout_ends_before_the_next_scan():

@@ -19,10 +19,10 @@ def test_check_detections_pass_as_floats_and_none_as_an_empty_list():
 
 
 def test_output_of_lists_and_truth_values_passes_as_arrays():
-    given = SensorOutput([[1, 2]], [0], [True, False, False], [np.eye(2)], pixels=[[3, 4]], faults=[])
+    given = SensorOutput([[1, 2]], [0], [True, False, False], [np.eye(2)], pixels=[[3, 4]])
     found = check_output(given, PEOPLE)
     assert [a.dtype for a in (found.ground, found.covariances, found.pixels)] == [np.float64] * 3
-    assert found.visible.tolist() == [1, 0, 0] and found.faults == ()
+    assert found.visible.tolist() == [1, 0, 0]
     assert found.owners.tolist() == [0]
     empty = check_output(SensorOutput(np.zeros((0, 2)), [], np.zeros(0, dtype=np.uint8)), PEOPLE[:0])
     assert (empty.covariances, empty.pixels) == (None, None) and empty.visible.shape == (0,)

@@ -16,7 +16,6 @@ from sim.scenario.uavs import DEFAULT_FLEET, Uav
 from sim.sensing.renderer import Renderer
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Clutter, Sensors
-from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detection_errors import whole_covariances
@@ -37,7 +36,11 @@ def scenario(mode="camera", noise="range_bearing", uavs=FLEET):
 
 
 def sensors(setting, world, forest=OPEN, seed=0):
-    return Sensors(setting, world, forest, rng=np.random.default_rng(seed), clock=Stopwatch())
+    return Sensors(setting, world, forest, np.random.default_rng(seed))
+
+
+def take(subject, shot):
+    return subject.read(subject.expose(shot))
 
 
 def equation_4(alpha, offset):
@@ -58,7 +61,7 @@ def test_ideal_sensing_measures_exactly_the_people_in_view_and_not_hidden():
             subject = sensors(setting, world, forest)
             pose = Pose.level(*rng.uniform(-3, 3, 2), exact.altitude)
             people = rng.uniform(-15, 15, (30, 2))
-            look = subject.take(Shot(0, 0, 0.4, pose, people))
+            look = take(subject, Shot(0, 0, 0.4, pose, people))
         half = (exact.altitude - TARGET_HEIGHT) * math.tan(math.radians(30))
         inside = np.all(np.abs(people - pose.position[:2]) <= half, axis=1)
         points = np.column_stack([people, np.full(30, TARGET_HEIGHT)])
@@ -78,7 +81,7 @@ def test_ideal_sensing_detects_people_under_porous_trees_as_often_as_enough_of_t
     forest, pose, people = Forest(tuple(trees)), Pose.level(0.0, 0.0, 20.0), rng.uniform(-10, 10, (200, 2))
     with World(setting, forest, 200) as world:
         subject = sensors(setting, world, forest)
-        found = np.mean([subject.take(Shot(0, 0, 0.0, pose, people)).matched for _ in range(400)], axis=0)
+        found = np.mean([take(subject, Shot(0, 0, 0.0, pose, people)).matched for _ in range(400)], axis=0)
     points = np.column_stack([people, np.full(200, TARGET_HEIGHT)])
     expected = detectable_shares(forest.free_shares(pose.position, points)[0])
     assert np.all(np.abs(found - expected) <= 4.5 * np.sqrt(expected * (1 - expected) / 400))
@@ -96,7 +99,7 @@ def test_the_noise_that_is_added_has_the_papers_covariance(mode, offset, draws):
     with World(setting, OPEN, 1) as world:
         world.place_people(person[None], np.zeros(1))
         subject = sensors(setting, world)
-        scans = [subject.take(Shot(uav, 0, 0.0, pose, person[None])).scan for _ in range(draws)]
+        scans = [take(subject, Shot(uav, 0, 0.0, pose, person[None])).scan for _ in range(draws)]
         seen = BlobDetector().detect(
             Frame(uav, 0.0, subject.cameras[uav], pose, Renderer(world).render(subject.cameras[uav], pose).image)
         )
@@ -118,11 +121,11 @@ def test_nothing_is_added_to_what_the_camera_itself_measures():
     setting = scenario(noise="camera")
     with World(setting, OPEN, 4) as world:
         chance = np.random.default_rng(5)
-        subject = Sensors(setting, world, OPEN, rng=chance, clock=Stopwatch())
+        subject = Sensors(setting, world, OPEN, chance)
         for uav, altitude in enumerate(ALTITUDES):
             people = np.array([[-6.0, -6.0], [5.0, -4.0], [-3.0, 6.0], [5.0, 5.0]]) + rng.uniform(-1, 1, (4, 2))
             world.place_people(people, rng.uniform(-3, 3, 4))
-            look = subject.take(Shot(uav, 0, 0.0, Pose.level(0.0, 0.0, altitude), people))
+            look = take(subject, Shot(uav, 0, 0.0, Pose.level(0.0, 0.0, altitude), people))
             frame = Frame(uav, 0.0, subject.cameras[uav], look.scan.pose, look.image)
             assert len(look.scan.measurements) == 4
             np.testing.assert_array_equal(look.scan.measurements, BlobDetector().detect(frame).ground)
@@ -136,10 +139,10 @@ def test_absent_people_are_never_seen(mode):
     people = np.array([[np.nan, np.nan], [2.0, -3.0], [np.nan, np.nan]])
     with World(setting, OPEN, 3) as world:
         world.place_people(people, np.zeros(3))
-        look = sensors(setting, world).take(Shot(0, 0, 0.0, pose, people))
+        look = take(sensors(setting, world), Shot(0, 0, 0.0, pose, people))
         absent = np.full((3, 2), np.nan)
         world.place_people(absent, np.zeros(3))
-        empty = sensors(setting, world).take(Shot(0, 0, 0.0, pose, absent))
+        empty = take(sensors(setting, world), Shot(0, 0, 0.0, pose, absent))
     assert look.matched.tolist() == (look.visible > 0).tolist() == [False, True, False]
     assert look.scan.measurements.shape == (1, 2)
     assert np.linalg.norm(look.scan.measurements[0] - people[1]) < 2.0
@@ -255,7 +258,7 @@ def test_people_at_the_edge_of_a_canopy_are_measured_where_they_are():
             away = np.array([side * math.cos(angle), math.sin(angle)])
             person = tree + (2.3 * angle + rng.uniform(3.3, 4.0)) * away
             world.place_people(person[None], rng.uniform(-3, 3, 1))
-            look = subject.take(Shot(0, 0, 0.0, pose, person[None]))
+            look = take(subject, Shot(0, 0, 0.0, pose, person[None]))
             if 0 < look.visible[0] < 7:
                 frame = Frame(0, 0.0, subject.cameras[0], pose, look.image)
                 raw.append((BlobDetector().detect(frame).ground[0] - person) @ away)

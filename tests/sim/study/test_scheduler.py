@@ -2,18 +2,23 @@
 
 import multiprocessing
 import os
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
 import pytest
 from helpers.flights import mission_of
-from helpers.studies import Serial, plain, short
+from helpers.studies import SHORT, Serial, plain, short
 
+from planning.planner import Plan
+from sim.study.definition import Study
 from sim.study.executors import Pool
 from sim.study.scheduler import Options, complete, fly_trials
 from sim.study.store import Store, StoreError, read_rows
 from sim.study.trial_flight import fly_trial
+from sim.study.trials import list_trials
 
 # Planners that end their process, hang, take long or raise, always or but once (a file tells).
 AILING = """
@@ -85,6 +90,45 @@ def test_a_row_holds_what_the_mission_came_to():
         row.metrics["detection.precision"] != row.metrics["detection.precision"]
     )  # NaN: ideal sensing has no detections
     assert (row.status, row.error, row.seed, row.planner) == ("done", "", 4, "greedy")
+
+
+@pytest.mark.parametrize(
+    ("settings", "worlds"),
+    [
+        ({"trees.file": "stems.csv", "people.trajectories": "plaza"}, 1),
+        ({"trees.density": "0", "people.trajectories": "plaza"}, 1),
+        ({"trees.file": "stems.csv"}, 3),
+        ({"people.trajectories": "plaza"}, 3),
+    ],
+)
+def test_rows_tell_the_seeds_that_share_a_world_whatever_the_planner(settings, worlds, tmp_path):
+    (tmp_path / "stems.csv").write_text("x,y\n5,5\n-20,3\n")
+    own = {key: str(tmp_path / value) if value == "stems.csv" else value for key, value in settings.items()}
+    tasks = list_trials(Study("w", ("hover", "random"), seeds="0-2", settings={**SHORT, **own}))
+    found = [fly_trial(task).row.metrics["world"] for task in tasks]
+    assert len(set(found)) == worlds and found[::2] == found[1::2]
+
+
+class Lazy:
+    """Fails in every second decision: it raises, or one plan is none, or too fast, which is no failure."""
+
+    def __init__(self, fault="raises"):
+        self.fault, self.calls = fault, 0
+
+    def plan(self, team, rng):
+        self.calls += 1
+        if self.calls % 2 == 0 and self.fault == "raises":
+            raise RuntimeError("detector: no")
+        speed = {"speeds": 99.0, "lacks": np.nan}.get(self.fault, 0.0) if self.calls % 2 == 0 else 0.0
+        return [Plan(np.full((1, 2), speed if s.own.id == 1 else 0.0)) for s in team]
+
+
+@pytest.mark.parametrize(("fault", "share"), [("raises", 0.4), ("lacks", 0.4), ("speeds", 0.0)])
+def test_decisions_that_failed_are_counted(fault, share, monkeypatch):
+    monkeypatch.setitem(sys.modules, "lazy", SimpleNamespace(Lazy=Lazy, __name__="lazy"))
+    settings = {**SHORT, "duration": "4"}
+    (task,) = list_trials(Study("w", (f"lazy:Lazy(fault={fault})",), seeds="0", settings=settings))
+    assert fly_trial(task).row.metrics["failed_decisions"] == share
 
 
 def test_trials_that_fail_once_are_tried_again_and_twice_are_recorded(tmp_path):

@@ -1,8 +1,12 @@
 """What is done and what remains, in a terminal and in a log."""
 
+import heapq
 import io
+import re
 import time
+from collections import Counter
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -58,15 +62,50 @@ def test_a_terminal_has_a_bar_of_what_is_compiled_and_then_of_the_flight(shown):
 
 def test_a_study_tells_its_pace_in_a_log(shown):
     wait, output = shown(terminal=False)
-    with progress.show_study_progress(4) as tell:
-        for failed in (False, True):
+    with progress.show_study_progress(Counter(a=2, b=2)) as tell:
+        for cell, seconds in (("a", 10.0), ("b", None), ("a", 9.0)):
             wait(10.0)
-            tell(failed, True)
+            tell(cell, seconds, True)
     assert output().splitlines() == [
-        "1 of 4 trials, 6.0 a minute, 0:30 left",
-        "2 of 4 trials, 6.0 a minute, 0:20 left, 1 failed",
+        "1 of 4 trials, 6.0 a minute",
+        "2 of 4 trials, 6.0 a minute, 1 failed",
+        "3 of 4 trials, 6.0 a minute, 0:10 left, 1 failed",
     ]
-    describe_pace = progress.describe_pace
-    assert describe_pace(0, 10, 0, 3.0) == "" and describe_pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
-    assert describe_pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
-    assert describe_pace(10, 0, 0, 20.0) == ", 30.0 a minute"
+    assert progress.describe_pace(0, None, 0, 3.0) == ""
+    assert progress.describe_pace(1, 9999.6, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
+
+
+@pytest.mark.parametrize("workers", [1, 2, 7, 32])
+@pytest.mark.parametrize("cells", [[6.0], [1.0, 2.0, 60.0], [40.0, 1.0, 1.0, 1.0]])
+def test_every_estimate_of_the_rest_of_a_study_is_within_a_factor_of_two(shown, workers, cells):
+    """The first one, too, though processes start for 30 s, planners differ, and many fly at once."""
+    wait, _ = shown(terminal=True)
+    rng = np.random.default_rng(0)
+    trials = [(cell, mean * rng.uniform(0.7, 1.3)) for _ in range(90) for cell, mean in enumerate(cells)]
+    free, ends = [30.0] * workers, []
+    for cell, seconds in trials:
+        end = heapq.heapreplace(free, free[0] + seconds) + seconds
+        ends.append((end, cell, seconds))
+    told = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            progress, "describe_pace", lambda flown, rest, failures, seconds: told.append((seconds, rest)) or ""
+        )
+        with progress.show_study_progress(Counter(cell for cell, _ in trials)) as tell:
+            for end, cell, seconds in sorted(ends):
+                wait(end - progress.time.monotonic())
+                tell(cell, seconds, True)
+    last = max(ends)[0]
+    wrong = [(rest, last - now) for now, rest in told if rest is not None and last - now > max(cells)]
+    assert len(wrong) > 1 and all(0.5 < rest / true < 2.0 for rest, true in wrong)
+
+
+def test_the_first_estimate_of_a_mission_waits_for_more_than_one_decision(shown):
+    wait, output = shown(terminal=True)
+    with progress.show_mission_progress(Scenario(duration=40.0)) as tell:
+        for k in range(201):
+            wait(0.01 + 1.0 * (k % 5 == 1))
+            tell(ScanProgress(k / 5, [0.5]))
+            time.sleep(0.003)
+    first = re.search(r"(\d+):(\d\d) left", output())
+    assert 0.5 < (60 * int(first[1]) + int(first[2])) / 42.0 < 2.0

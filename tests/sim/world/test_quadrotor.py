@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from planning.prediction.response import mean_velocities, response
+from sim.mission.knowledge import BodyState, vehicle_of
 from sim.scenario.scenario import Rates, Scenario
 from sim.scenario.uavs import Uav
-from sim.sensing.cameras import vehicle_of
 from sim.world.quadrotor import (
     GRAVITY,
     MASS,
@@ -111,7 +111,7 @@ def test_planners_foresee_where_a_quadrotor_is_a_step_after_each_of_random_comma
     velocities = fly(commands, step)[0][:, :2].reshape(60, -1, 2)
     foreseen = []
     for now, command in zip(velocities[:-1, -1], commands[1:], strict=True):
-        vehicle = vehicle_of(0, Pose.level(0.0, 0.0, UAV.altitude), now, Scenario(uavs=(UAV,)))
+        vehicle = vehicle_of(Scenario(uavs=(UAV,)), 0, BodyState(Pose.level(0.0, 0.0, UAV.altitude), now))
         foreseen.append(mean_velocities(response([vehicle], step), command[None, None, None])[0, 0, 0])
     means = velocities[1:].mean(axis=1)
     off, at_once = (np.sqrt(np.mean((means - expected) ** 2)) for expected in (np.array(foreseen), commands[1:]))

@@ -132,6 +132,25 @@ def test_ospa2_equals_enumeration_of_all_pairings(p):
         assert ospa2(X, Y, c, p).distance == pytest.approx(best, rel=1e-12, abs=1e-12)
 
 
+def test_an_infinite_order_is_the_limit_and_equals_enumeration_of_all_pairings():
+    """Of each pairing the farthest pair counts; as few pairs as possible reach the cut-off."""
+    for X, Y, c, _ in random_pairs(300, seed=3):
+        few, many = sorted((X, Y), key=len)
+        gaps = np.minimum(np.linalg.norm(few[:, None] - many[None], axis=2), c)
+        orders = itertools.permutations(range(len(many)), len(few))
+        pairings = [np.array([gaps[i, j] for i, j in enumerate(order)]) for order in orders]
+        best = min(pairings, key=lambda pairing, c=c: (np.sum(pairing == c), pairing[pairing < c].max(initial=0)))
+        near, lacking = best[best < c], len(many) > len(few)
+        assert ospa(X, Y, c, math.inf) == (c if lacking else best.max(initial=0), best.max(initial=0), c * lacking)
+        paths = ospa2(X[None], Y[None], c, math.inf)
+        np.testing.assert_allclose(paths, ospa(X, Y, c, math.inf), rtol=1e-14)
+        left = c * (len(Y) > len(near)), c * (len(X) > len(near))
+        assert gospa(X, Y, c, math.inf) == (max(near.max(initial=0), *left), near.max(initial=0), *left)
+    assert ospa(NONE, NONE, 50, math.inf) == (0, 0, 0) and gospa(NONE, NONE, 10, math.inf) == (0, 0, 0, 0)
+    # Nearest in sum are 0 and 3 m, nearest at the farthest 2 and 2 m.
+    assert ospa([[0, 0], [2, 0]], [[2, 0], [0, 2]], 50, math.inf).distance == 2
+
+
 @pytest.mark.parametrize("distance", [ospa, gospa])
 @pytest.mark.parametrize("wrong", [[0.0, 0.0], [[0, 0, 0]]])
 def test_positions_of_other_shapes_are_refused(distance, wrong):
@@ -149,10 +168,10 @@ def test_positions_that_are_not_finite_are_named(distance):
             distance(*sets)
 
 
-@pytest.mark.parametrize(("c", "p"), [(0.0, 2.0), (50.0, 0.5), (math.nan, 2.0)])
+@pytest.mark.parametrize(("c", "p"), [(0.0, 2.0), (50.0, 0.5), (math.nan, 2.0), (50.0, 11.0), (50.0, -math.inf)])
 def test_a_cut_off_or_order_without_meaning_is_refused(c, p):
     for distance, nothing in ((ospa, NONE), (gospa, NONE), (ospa2, NONE[None])):
-        with pytest.raises(ValueError, match="c must be from 1e-9 to 1e9 and p from 1 to 10"):
+        with pytest.raises(ValueError, match="c must be from 1e-9 to 1e9 and p from 1 to 10 or infinite"):
             distance(nothing, nothing, c, p)
 
 

@@ -1,5 +1,7 @@
 """The figures of a study: distributions of OSPA, OSPA over time, scores, and planners compared by map."""
 
+import re
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -8,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
 from sim.facts.metrics.metric import Metric
@@ -26,6 +29,12 @@ AT = np.geomspace(0.1, 50.0, 300)  # m, values at which distributions are drawn
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
 _FEW = 4  # largest number of curves with bands in one panel
 _SHAPES = "oD^s"  # shapes of dots, in turn, so that planners do not differ in colour only
+
+
+class _Folder(textwrap.TextWrapper):
+    """Folds texts at spaces, and import strings after their parts."""
+
+    wordsep_simple_re = re.compile(r"(\s+|(?<=[:.(])(?=[A-Za-z]))")
 
 
 def draw_ecdf_figure(layout: FigureLayout) -> Figure:
@@ -75,12 +84,12 @@ def _draw_grid(
 ) -> Figure:
     rows = -(-len(layout.panels) // layout.columns)
     width = _WIDTH if layout.columns > 1 else 0.6 * _WIDTH
-    with _open_drawing(0.8 + 2.15 * rows + 0.22 * -(-len(layout.legend) // 3), width=width) as figure:
+    with _open_drawing(0.8 + 2.15 * rows, width=width) as figure:
         every = figure.subplots(rows, layout.columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, (title, curves) in zip(every, layout.panels.items(), strict=False):
             for curve in curves:
                 draw(axes, curve)
-            axes.set_title(title, fontsize=10, loc="left", fontweight="bold")
+            _set_title(axes, title)
             axes.grid(lw=0.5, alpha=0.4)
             axes.spines[["top", "right"]].set_visible(False)
         for axes in every[: len(layout.panels)]:
@@ -101,7 +110,7 @@ def draw_score_figure(found: Sequence[Answer]) -> Figure:
     planners = list(dict.fromkeys(score.planner for score in found))
     looks = {p: (rgb(COLOURS[i % len(COLOURS)]), _SHAPES[i % 4]) for i, p in enumerate(planners)}
     each = max(0.3, 0.07 * len(planners))  # inches, height of a cell
-    with _open_drawing(1.2 + each * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
+    with _open_drawing(1.2 + each * len(cells)) as figure:
         axes = figure.add_subplot()
         for score in found:
             index = planners.index(score.planner)
@@ -115,7 +124,7 @@ def draw_score_figure(found: Sequence[Answer]) -> Figure:
         values = [100 * score.mean.value for score in found]
         axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # long intervals are cut off
         axes.set_xlabel("normalised score: floor 0, bound 100 [%]")
-        axes.set_yticks(range(len(cells)), [_format_row(cell) for cell in cells])
+        axes.set_yticks(range(len(cells)), [_Folder(40).fill(_format_row(cell)) for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.grid(axis="x", lw=0.5, alpha=0.4)
         axes.spines[["top", "right"]].set_visible(False)
@@ -144,8 +153,7 @@ def draw_scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metr
             if log:
                 axes.set(xscale="log", yscale="log")
             axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
-            title = other.replace("(", "(\n", 1) if len(other) > 34 else other
-            axes.set_title(title, fontsize=10, loc="left", fontweight="bold")
+            _set_title(axes, other)
             axes.grid(lw=0.5, alpha=0.4)
         figure.supxlabel(f"{baseline}: {metric.title}{', logarithmic' * log}", fontsize=10)
         figure.supylabel(f"planner: {metric.title}", fontsize=10)
@@ -166,15 +174,46 @@ def _open_drawing(height: float, width: float = _WIDTH) -> Iterator[Figure]:
     """A figure of so many inches, to be drawn in the common style."""
     with open_figure(width, height, letters=_LETTERS) as figure:
         yield figure
-        figure.draw_without_rendering()  # lays the figure out once for all its files
+        for text in figure.texts:
+            _fold(text, 1.0)
+        titles = [axes.get_title(loc="left").count("\n") for axes in figure.axes]
+        rows = figure.axes[0].get_gridspec().nrows  # type: ignore[union-attr]
+        lines = rows * max(titles) + sum(text.get_text().count("\n") for text in figure.texts)
+        figure.set_figheight(figure.get_figheight() + 0.17 * lines)
+        for _ in range(2):  # panels of equal axes find their places only then
+            figure.draw_without_rendering()  # lays the figure out once for all its files
         figure.set_layout_engine("none")
+
+
+def _set_title(axes: Axes, text: str) -> None:
+    """Give a panel a title, in as many lines as its width needs."""
+    columns = axes.get_gridspec().ncols  # type: ignore[union-attr]
+    _fold(axes.set_title(text, fontsize=10, loc="left", fontweight="bold"), 0.84 / columns)
 
 
 def _draw_legend(figure: Figure, looks: Mapping[str, dict[str, Any]]) -> None:
     """Draw a legend below the panels, where it hides no data; looks: Matplotlib's options by label."""
     handles = [Line2D([], [], label=name, **look) for name, look in looks.items()]
-    columns = 4 if all(len(name) < 22 for name in looks) else 2 if all(len(name) < 44 for name in looks) else 1
-    figure.legend(handles=order_by_rows(handles, columns), loc="outside lower center", ncols=columns, frameon=False)
+    for columns in (4, 2, 1):
+        ordered = order_by_rows(handles, columns)
+        legend = figure.legend(handles=ordered, loc="outside lower center", ncols=columns, frameon=False)
+        if legend.get_window_extent().width <= figure.bbox.width or columns == 1:
+            break
+        legend.remove()
+    for text in legend.get_texts():
+        _fold(text, 0.9)
+    figure.set_figheight(figure.get_figheight() + legend.get_window_extent().height / figure.dpi)
+
+
+def _fold(text: Text, most: float) -> None:
+    """Fold a text, between words where it can, to `most` of the figure's width, or of its height if it is upright."""
+    figure = text.figure.bbox
+    across, room = ("height", figure.height) if text.get_rotation() == 90 else ("width", figure.width)
+    whole = text.get_text()
+    letters = len(whole)
+    while (long := getattr(text.get_window_extent(), across)) > most * room - 2 and letters > 8:
+        letters = min(letters - 1, int(letters * most * room / long))
+        text.set_text(_Folder(letters, break_on_hyphens=False).fill(whole))
 
 
 def _style_line(style: Style) -> dict[str, Any]:

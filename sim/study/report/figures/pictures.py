@@ -96,7 +96,7 @@ def _draw_scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> 
     above = {name: f"{np.sum(p[:, 1] > p[:, 0])} of {len(p)}" for name, p in points.items()}
     alt = "; ".join(f"{name}: {count} maps above {baseline}" for name, count in above.items())
     aim = {"lower": "Below the diagonal", "higher": "Above the diagonal", "neither": ""}[shown.better]
-    caption = f"Each point is a map that both flew: across, the value of {baseline}; upwards, that of the planner."
+    caption = f"Each point is a seed that both flew: across, the value of {baseline}; upwards, that of the planner."
     caption += f" {aim} the planner is better." if aim else ""
     figure = draw_scatter_figure(points, baseline, shown)
     return _make_picture(f"maps-{make_slug(shown.name)}", f"Map by map: {shown.label}", caption, alt, figure)

@@ -13,9 +13,9 @@ from helpers.recordings import bare, record
 from helpers.summaries import SECONDS, hand_made, shown, summary
 
 from sim.facts.metrics.score import estimate_velocities, find_reported_tracks, score
+from sim.mission.fault import Fault
+from sim.mission.stopwatch import STAGES
 from sim.scenario.scenario import encode_scenario
-from sim.sensing.fault import Fault
-from sim.sensing.stopwatch import STAGES
 from tracking.metrics.nees import nees_interval
 
 

@@ -3,12 +3,23 @@
 from itertools import product
 
 import numpy as np
+import pytest
 from helpers.trials import row, study
+from matplotlib.text import Text
 
-from sim.study.analysis.answers import map_points
+from sim.study.analysis.answers import Answer, map_points
 from sim.study.analysis.groups import drop_constant_factors, group_rows
+from sim.study.analysis.intervals import Estimate
 from sim.study.analysis.metric_choice import find_shown_metric
-from sim.study.report.figures.charts import AT, draw_ecdf_figure, draw_scatter_figure, draw_time_figure, find_quartiles
+from sim.study.analysis.normalised_score import SCORE
+from sim.study.report.figures.charts import (
+    AT,
+    draw_ecdf_figure,
+    draw_scatter_figure,
+    draw_score_figure,
+    draw_time_figure,
+    find_quartiles,
+)
 from sim.study.report.figures.panels import lay_out_figures
 from sim.study.report.figures.pictures import draw_pictures, encode_figure
 
@@ -78,6 +89,47 @@ def test_missing_curves_and_values_do_not_stop_a_figure():
         draw_scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown),
     ):
         assert encode_figure(figure, "svg").startswith(b"<?xml")
+
+
+def texts_of(figure):
+    """Titles, labels and legends of a figure, ticks aside."""
+    panels = [axes for axes in figure.axes if axes.get_visible()]
+    drawn = [text for axes in panels for text in (axes.xaxis.label, axes.yaxis.label, *axes.texts)]
+    titles = [text for axes in panels for text in axes.findobj(Text) if text.get_text() == axes.get_title(loc="left")]
+    legends = [text for legend in figure.legends for text in legend.get_texts()]
+    return [text for text in (*drawn, *titles, *legends, *figure.texts) if text.get_text()]
+
+
+MINE = [f"mylab.planners:InformationGreedyPlanner(horizon={k}, weight_of_what_is_not_yet_known=0.25)" for k in (3, 5)]
+WORDS = ("consumer grade, with drift and with an offset of the clock", "surveyed, and corrected every second")
+
+
+@pytest.mark.parametrize(
+    ("planners", "cells"),
+    [
+        ([*MINE, "greedy", "hover", "random"], [(("navigation", word), ("R", r)) for word in WORDS for r in "15"]),
+        (MINE, [()]),
+        (["sma-nbo-gospa", "greedy"], [()]),
+        ([f"planner-{k}" for k in range(15)], [(("lambda", density),) for density in ("15", "45", "75")]),
+        (MINE[:1], [(("navigation", word), ("appearance of leaves and ground", word)) for word in WORDS]),
+    ],
+    ids=["long cells", "long names", "narrow", "many planners", "one planner"],
+)
+def test_no_text_of_a_figure_is_cut_or_runs_into_another(planners, cells):
+    rows = [row(p, s, c, {"ospa.mean_m": 1.0 + s}) for c in cells for p in planners for s in range(3)]
+    found, shown = groups(rows, planners[0]), find_shown_metric("ospa.share_under_1m")
+    figures = [draw(layout) for layout in lay_out_figures(found) for draw in (draw_ecdf_figure, draw_time_figure)]
+    if len(planners) > 1:
+        points = map_points(found, planners[0], find_shown_metric("ospa.mean_m"))
+        figures.append(draw_scatter_figure(points, planners[0], shown))
+        scores = [Answer(cell, p, SCORE, mean=Estimate(0.5, 0.1, 0.9)) for cell in cells for p in planners]
+        figures.append(draw_score_figure(scores))
+    for figure in figures:
+        boxes = {text.get_text(): text.get_window_extent() for text in texts_of(figure)}
+        for text, box in boxes.items():
+            assert min(box.x0, box.y0) >= 0 and box.x1 <= figure.bbox.width and box.y1 <= figure.bbox.height, text
+            assert not any(box.overlaps(other) for words, other in boxes.items() if words != text), text
+        assert min(axes.get_position().height * figure.get_figheight() for axes in figure.axes) > 0.5  # inches
 
 
 def test_figures_whose_levels_differ_in_a_sign_have_names_of_their_own(without_pictures):

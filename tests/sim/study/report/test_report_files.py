@@ -7,7 +7,7 @@ import shlex
 import msgspec
 import numpy as np
 import pytest
-from helpers.browser import CHROMIUM, SMALL_WORDS, Browser
+from helpers.browser import SMALL_WORDS, Browser, needs_browser
 from helpers.html_pages import Page
 from helpers.trials import failed, row, study
 
@@ -136,7 +136,7 @@ def test_of_equal_maps_none_is_called_best_or_worst_and_equal_planners_are_equal
     assert over == ["20.0, seed 0, all 6 equal", "30.0, seed 0, the only one"]  # under no heading
     ((_, text),) = page.of("main")
     assert "b and a cannot be told apart, being equal on every map: scans with OSPA under 1 m 0.0 points" in text
-    assert "Maps flown: 6; a comparison counts those on which both planners have a value." in text
+    assert "Seeds flown: 6; a comparison counts those on which both planners have a value." in text
     assert "For each planner separately, by scans with OSPA under 1 m [%]." in text
     assert "Differences, and won, tied, lost, are over the maps on which both planners have a value." in text
     assert "Maps: the number with a value" not in text  # all that were flown have one
@@ -228,9 +228,26 @@ def test_verdicts_follow_the_interval():
 def test_few_maps_tell_nothing_apart_however_large_the_difference():
     share = find_shown_metric("ospa.share_under_1m")
     for maps in range(1, 6):
-        text = write_verdict("mine", "base", share, gap_of(0.5 + 1e-3 * np.arange(maps)[:, None]))
-        assert text.startswith("mine and base cannot be told apart: scans with OSPA under 1 m +50.")
-        assert f"{maps} map{'s' * (maps > 1)} cannot tell any planners apart; at least six are needed." in text
+        for alike, what in ((False, "map"), (True, "flight")):
+            gap = gap_of(0.5 + 1e-3 * np.arange(maps)[:, None])
+            text = write_verdict("mine", "base", share, gap, alike=alike)
+            start = f"{maps} {what}{'s are' if maps > 1 else ' is'} too few to tell mine and base apart: scans with"
+            assert text.startswith(start) and f"At least 6 {what}s are needed." in text
+
+
+def test_no_verdict_contradicts_its_interval_or_asks_for_fewer_maps_than_there_are():
+    rng, asked = np.random.default_rng(0), 0
+    share = find_shown_metric("ospa.share_under_1m")
+    for _ in range(400):
+        gap = gap_of(rng.normal(0.02, 1) * 0.03 + 0.05 * rng.gamma(0.5, size=(int(rng.integers(2, 13)), 1)))
+        text = write_verdict("mine", "base", share, gap)
+        apart = gap.mean.low > 0 or gap.mean.high < 0
+        assert ("cannot be told apart" in text) == (not apart and gap.pairs >= 6)
+        assert ("is better than" in text or "is worse than" in text) == (apart and gap.pairs >= 6)
+        more = re.findall(r"takes about (\d+) maps", text)
+        assert all(int(maps) > gap.pairs for maps in more)
+        asked += gap.needed <= gap.pairs and not gap.significant
+    assert asked
 
 
 def test_repeats_are_told_and_flown_again(without_pictures):
@@ -250,7 +267,21 @@ def test_repeats_are_told_and_flown_again(without_pictures):
     assert len(page.of("a")) and "seed 7, repeat 2" in text
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium")
+@needs_browser
+def test_on_paper_a_report_cuts_no_table_off(tmp_path):
+    name = "mylab.planners.experimental:InformationGreedyPlanner(horizon=3, evaluations=9216, weight=0.25)"
+    page = tmp_path / "report.html"
+    page.write_bytes(make_files(study((name, f"{name[:-2]}6)", "hover")), About("long"))["report.html"])
+    with Browser(tmp_path / "profile", width=700) as browser:
+        browser.open(page)
+        browser.show_as("print")
+        wide = (
+            "[...document.querySelectorAll('table')].filter(t => t.getBoundingClientRect().right > innerWidth).length"
+        )
+        assert browser.run(wide) == 0 and browser.print() < 20
+
+
+@needs_browser
 def test_a_browser_shows_it_without_complaint_and_cuts_nothing_on_a_phone(tmp_path, files):
     page = tmp_path / "report.html"
     page.write_bytes(files["report.html"])

@@ -18,7 +18,7 @@ from sim.study.analysis.intervals import Estimate
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.report.comparison import About
 from sim.study.report.html_parts import make_bullet_list, make_titled_tables
-from sim.study.report.sentences import list_shortfalls, write_notes
+from sim.study.report.sentences import list_shortfalls, write_notes, write_verdict
 from sim.study.report.tables import format_csv, make_answer_tables
 from sim.study.report.terminal import show
 from tracking.errors import InputError
@@ -82,6 +82,43 @@ def test_failed_trials_and_undefined_values_are_said_not_to_count():
         assert "1/3" in text and "greedy: 1 of 3 trials failed and do not count" in text
         assert "greedy: OSPA mean is undefined in 1 of 2 trials" in text
         assert "greedy: 1 of 3 maps have a value of this planner and of the baseline" in text
+
+
+@pytest.mark.parametrize("worlds", [[7.0] * 6, [7.0, 7.0, 8.0, 9.0, 10.0, 11.0], range(6), None])
+def test_seeds_that_share_a_world_are_flights_and_no_maps(worlds):
+    """Those of files, or of forests so thin that several have no tree; older rows do not say which world they flew."""
+    rows = [
+        row(p, s, metrics={"ospa.mean_m": 1.0 + i + 0.1 * s} | ({"world": float(worlds[s])} if worlds else {}))
+        for i, p in enumerate(("sma-nbo", "greedy"))
+        for s in range(6)
+    ]
+    alike = worlds is not None and len(set(worlds)) < 6
+    answer = find_answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")[-1]
+    for text in everywhere(rows):
+        assert bool(re.search(r"greedy\W.*6 flights\W", text)) == alike
+        assert ("Flights, not maps: seeds share trees and people" in text) == alike
+    told = write_verdict("greedy", "sma-nbo", MEAN, answer.difference, alike=answer.alike)
+    assert f"of 6 {'flights' if alike else 'maps'} it won" in told
+
+
+def test_a_difference_over_few_maps_is_not_left_to_its_interval():
+    told = "Fewer than 6 are too few to tell planners apart, wherever the interval ends."
+    for text in everywhere(study(seeds=5)):
+        assert told in text
+    assert told not in shown(study(seeds=6), 120)
+
+
+def test_decisions_that_failed_have_a_column_where_there_are_any():
+    shares = {"sma-nbo": [0.0, 0.0], "greedy": [1.0, 0.5]}
+    rows = [row(p, s, metrics={"failed_decisions": v}) for p, own in shares.items() for s, v in enumerate(own)]
+    for text in everywhere(rows):
+        assert re.search(r"failed(\s|.*\n.*)decisions", text) and re.search(r"greedy\W.*75\.0 %", text)
+    assert "75.0 %" not in shown(rows[:2], 120)
+    found = find_answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
+    (line,) = [
+        line for line in csv.DictReader(io.StringIO(format_csv(found, "sma-nbo"))) if line["planner"] == "greedy"
+    ]
+    assert float(line["failed_decisions"]) == 0.75
 
 
 def test_trials_in_which_a_planner_raised_are_said():
@@ -150,6 +187,7 @@ def test_the_csv_holds_every_number_in_full_and_nothing_where_there_is_none(rows
             **{name: "all" if cell is None else dict(cell)[name] for name in factors},
             **{"planner": answer.planner, "metric": "ospa.mean_m", "baseline": "sma-nbo" if gap else ""},
             **{name: getattr(answer, name) for name in ("maps", "flown", "trials", "failed", "undefined")},
+            "failed_decisions": "" if cell is None else 0.0,
             **{name: getattr(gap, name, "") for name in ("pairs", "unpaired", "won", "tied", "lost")},
             **{
                 f"{name}{end}": value

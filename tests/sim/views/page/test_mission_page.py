@@ -20,13 +20,13 @@ from sim.facts.flight import Flight, find_scans
 from sim.facts.metrics.holding import HOLDS
 from sim.facts.people import BROKEN, PeopleFacts
 from sim.facts.sightings import STATES
+from sim.mission.fault import Fault
 from sim.mission.recording import encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
 from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.settings_text import list_changes
-from sim.sensing.fault import Fault
 from sim.terminal.commands import load_command
 from sim.views.drawing.film import lay_out_parts
 from sim.views.page.data import make_page_data

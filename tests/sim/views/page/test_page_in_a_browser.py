@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import json
 import re
 import time
 
@@ -9,7 +10,8 @@ import av
 import cv2
 import numpy as np
 import pytest
-from helpers.browser import CHROMIUM, SMALL_WORDS, Browser
+from helpers import synthetic
+from helpers.browser import SMALL_WORDS, Browser, needs_browser
 from helpers.flown_pages import EVIL
 from helpers.identities import SWAP, swapping
 from helpers.recordings import record
@@ -43,7 +45,28 @@ def now(browser):
     return browser.run(f"[Number(slider.value), document.getElementById('now').value, {marked}]")
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+@needs_browser
+@pytest.mark.parametrize("people", [3, 60])
+def test_on_paper_the_page_is_a_summary_of_one_sheet(tmp_path, mission, people):
+    """Whatever the window, and however many people and faults there are; lists end with what they leave out."""
+    if people > 3:
+        faults = [{"time": k / 5, "uav": 0, "message": f"detector: {'long ' * 40}{k}", "trace": []} for k in range(9)]
+        crowd = record(41, setting=synthetic.scenario(uavs=3, people=people, mode="ideal"))
+        mission = dataclasses.replace(crowd, faults=json.dumps(faults), interrupted=True)
+    write_page(Flight(mission), tmp_path / "mission.html")
+    with Browser(tmp_path / "profile") as browser:
+        for width in (1600, 500):
+            browser.resize(width, 900)
+            browser.open(tmp_path / "mission.html")
+            assert browser.print() == 1
+        listed = browser.run("document.querySelectorAll('#losses li').length")
+        left = browser.run("document.querySelector('#losses + .paper')?.textContent ?? ''")
+        assert left == (f"and {listed - 6} more, in mission.html" if listed > 6 else "") and (listed > 6) == (
+            people > 3
+        )
+
+
+@needs_browser
 def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folder):
     with Browser(tmp_path / "profile") as browser:
         browser.open(folder / "mission.html")

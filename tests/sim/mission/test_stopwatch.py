@@ -4,12 +4,12 @@ import time
 
 import pytest
 
-from sim.sensing.stopwatch import STAGES, Stopwatch
+from sim.mission.stopwatch import STAGES, Stopwatch
 
 
 def test_time_adds_up_per_stage_also_of_stages_that_fail(monkeypatch):
     instants = iter((1.0, 1.5, 10.0, 12.0, 20.0, 20.25, 23.0, 25.0))
-    monkeypatch.setattr("sim.sensing.stopwatch.time.perf_counter", instants.__next__)
+    monkeypatch.setattr("sim.mission.stopwatch.time.perf_counter", instants.__next__)
     clock = Stopwatch()
     for stage in ("physics", "planning", "physics"):
         with clock.measure(stage):
