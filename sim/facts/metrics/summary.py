@@ -52,7 +52,8 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
         **({"metrics": {name: _put_in_unit(find_metric(name), values[name]) for name in asked}} if asked else {}),
         "seconds": dict(outcome.seconds),
         "faults": [
-            {name: value for name, value in asdict(f).items() if name != "trace" or value} for f in outcome.faults
+            {name: value for name, value in asdict(f).items() if value or name in ("time", "uav", "message")}
+            for f in outcome.faults
         ],
         "contacts": list_contacts(recording),
         "planning_s": [round(lap, 6) for lap in outcome.planning_s],
