@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from gymnasium import error, logger, spaces
 from numpy.typing import NDArray
 
 from sim.environments.episode import Episode
-from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
+from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed, check_flag
 from sim.environments.rewards import ON_BELIEF, Reward, find_reward
 from sim.facts.flight import Flight
 from sim.mission.trial import prefix_errors
@@ -25,7 +24,6 @@ from tracking.undetected import raster_shape
 
 RENDER_MODES = ["rgb_array"]
 _OBSERVE = {"tracks": 10, "trees": 10, "image": False, "flat": False, "scaled": False}
-_MOST_ROWS = 10_000
 _REPORTED = 2**32  # seeds below this are reserved for reports
 _OPTIONS = ("repeat", "settings")  # of `reset`
 # Columns of UAVs and people in the true state.
@@ -239,20 +237,12 @@ def _complete(given: Mapping[str, Any] | None) -> dict[str, Any]:
     if given is not None and not isinstance(given, Mapping):
         raise InputError(f"observe: {given!r} is not allowed; expected a dict with keys of {', '.join(_OBSERVE)}")
     observed = {**_OBSERVE, **(given or {})}
-    for name, value in observed.items():
+    for name in observed:
         check_known("observe", name, _OBSERVE)
-        if isinstance(_OBSERVE[name], bool):
-            usable, expected = isinstance(value, bool), "True or False"
-        else:
-            usable, expected = _is_integer(value) and 1 <= value <= _MOST_ROWS, f"an integer, 1 to {_MOST_ROWS}"
-        if not usable:
-            raise InputError(f"observe: {name} {value!r} is not allowed; expected {expected}")
-    return {name: value if isinstance(value, bool) else int(value) for name, value in observed.items()}
-
-
-def _is_integer(value: object) -> bool:
-    """True for integers of Python and NumPy, but not for True and False."""
-    return isinstance(value, Integral) and not isinstance(value, bool)
+    with prefix_errors("observe: "):
+        check_flag("image", observed["image"])
+        Observations(0, **{name: value for name, value in observed.items() if name != "image"})
+    return observed
 
 
 def make_zeros(space: spaces.Space[Any]) -> NDArray[Any]:

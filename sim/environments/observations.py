@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Situation, Vehicle
+from tracking.errors import InputError
 from tracking.geometry.camera import ALL_ROUND
 from tracking.numerics.arrays import Array
 from tracking.track import beliefs_of
@@ -18,6 +19,7 @@ TRACK = ("dx", "dy", "vx", "vy", "xx", "xy", "yy", "existence", "unseen")
 NEIGHBOUR = ("dx", "dy", "dz", "vx", "vy", "edge")
 TREE = ("dx", "dy", "radius")
 Observed = dict[str, Any]  # arrays by name
+_MOST_ROWS = 10_000
 _VARIANCE, _DURATION = 100.0, 60.0  # m² and s that scaled observations give as 1
 
 
@@ -50,6 +52,14 @@ class Observations:
     flat: bool = False
     scaled: bool = False
 
+    def __post_init__(self) -> None:
+        for name, least in (("neighbours", 0), ("tracks", 1), ("trees", 1)):
+            rows = getattr(self, name)
+            if not isinstance(rows, int | np.integer) or isinstance(rows, bool) or not least <= rows <= _MOST_ROWS:
+                raise InputError(f"{name} {rows!r} is not allowed; expected an integer, {least} to {_MOST_ROWS}")
+        for name in ("flat", "scaled"):
+            check_flag(name, getattr(self, name))
+
     def of(self, situation: Situation) -> Any:  # noqa: ANN401 - arrays by name, or a vector
         """Observation of one UAV: arrays of 32-bit floats, and masks of 8-bit integers; a vector if `flat`."""
         found = self._observe(situation)
@@ -61,6 +71,9 @@ class Observations:
         Each array has a row for each UAV by its id, zero without a situation; `working` is one for those with one.
         """
         each = {situation.own.id: self._observe(situation) for situation in team}
+        if max(each) > self.neighbours:
+            few = f"neighbours: {self.neighbours} is too few for a team with UAV {max(each)}"
+            raise InputError(f"{few}; expected the size of the fleet less one")
         some, uavs = next(iter(each.values())), range(self.neighbours + 1)
         nothing = {name: np.zeros_like(array) for name, array in some.items()}
         found = {name: np.stack([each.get(uav, nothing)[name] for uav in uavs]) for name in some}
@@ -87,6 +100,12 @@ class Observations:
             np.zeros(raster_shape(situation.area)) if undetected is None else undetected.people
         )
         return found | _scale(found, situation) if self.scaled else found
+
+
+def check_flag(name: str, value: object) -> None:
+    """InputError unless a choice is True or False."""
+    if not isinstance(value, bool):
+        raise InputError(f"{name} {value!r} is not allowed; expected True or False")
 
 
 def _scale(found: Observed, situation: Situation) -> Observed:

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.facts.event import KINDS, Event, find_ends, make_lasting_event
 from sim.facts.metrics.fleet_facts import find_handoffs, list_contacts
-from sim.facts.metrics.holding import NO_TRACK, OUTSIDE, Unheld, find_episodes
+from sim.facts.metrics.holding import FAR, NO_TRACK, OUTSIDE, Unheld, find_episodes
 from sim.facts.metrics.unmatched import find_unmatched_tracks
 from sim.facts.people import PeopleFacts, describe_view, group_views
 from sim.facts.sightings import STATES, tell_fade
@@ -233,7 +233,7 @@ def _describe_gap(facts: PeopleFacts, span: Unheld) -> str:
         return ""
     worst = NO_TRACK if span.scans[0] else OUTSIDE
     for_as_long = facts.holding.gaps[span.first : span.last + 1, span.person] == worst
-    words = ", without a track" if span.scans[0] else ", outside the ellipse of the track"
+    words = f", without a track within {FAR:g} m" if span.scans[0] else ", outside the ellipse of the track"
     seconds = _list_seconds(facts.recording, span)[for_as_long].sum()
     return words + ("" if for_as_long.all() else f" for {seconds:.1f} s")
 

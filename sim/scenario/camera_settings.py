@@ -65,8 +65,11 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, omit_defau
                 raise ValueError(
                     f"scale: {self.scale:g} gives images of {edge} pixels; allowed are {_LEAST} to {_MOST}"
                 )
-        for believed in (False, True):
-            make_camera(self, believed=believed)
+        make_camera(self)
+        try:
+            make_camera(self, believed=True)
+        except ValueError as error:
+            raise ValueError(f"believed: {error}") from error
 
 
 @lru_cache(256)

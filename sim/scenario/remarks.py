@@ -80,14 +80,18 @@ def find_small_people(scenario: Scenario) -> list[str]:
 
 def _remark_on_large_images(scenario: Scenario) -> list[str]:
     """Remarks on UAVs whose images take long to render."""
-    found = []
+    told: dict[tuple[str, str], list[int]] = {}
     for i, uav in enumerate(scenario.uavs if scenario.sensing.renders else ()):
         width, height = uav.true_camera.size
         if width * height > _MOST_PIXELS:
             share = math.sqrt(_USUAL / (width * height))
             key = f"camera.scale={uav.camera.scale * share:.2f}" if uav.camera else f"pixels={uav.pixels * share:.0f}"
-            slow = f"images of {width} × {height} pixels take a second or more each to render"
-            found.append(f"uavs.{i}: {slow}; faster with --set uavs.{i}.{key}")
+            told.setdefault((f"images of {width} × {height} pixels", key), []).append(i)
+    found = []
+    for (images, key), some in told.items():
+        slow = f"{images} of {list_numbers('UAV', some)} take a second or more each to render"
+        whom = ["*"] if 1 < len(some) == len(scenario.uavs) else some
+        found.append(f"uavs: {slow}; faster with {' '.join(f'--set uavs.{i}.{key}' for i in whom)}")
     return found
 
 

@@ -14,10 +14,11 @@ _PLAIN = re.compile(r"(?!(?:true|false|inf|nan)$)[A-Za-z_][\w.:/-]*")
 
 
 def flatten(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables as one table with dotted keys; lists are not flattened."""
+    """Nested tables as one table with dotted keys; lists and whole cameras, which have a width, are not flattened."""
     found: dict[str, Any] = {}
     for key, value in data.items():
-        found |= flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+        whole = not isinstance(value, Mapping) or (f".{key}".endswith(".camera") and "width" in value)
+        found |= {f"{prefix}{key}": value} if whole else flatten(value, f"{prefix}{key}.")
     return found
 
 

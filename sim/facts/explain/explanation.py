@@ -66,7 +66,7 @@ def _tell_holding(facts: PersonFacts) -> list[str]:
     loss = next(event for event in unheld if event.first <= facts.k <= event.last)
     end, what = loss.last + 1, loss.kind.removeprefix("person ")
     if end == len(times):
-        later = "not held again by the end of the mission"
+        later = f"not held {'again ' if facts.holders else ''}by the end of the mission"
     else:
         state = HOLDS[facts.flight.people.hold_states[end, facts.person]]
         later = f"{'held' if state.startswith('held') else state} from {times[end]:.1f} s on"

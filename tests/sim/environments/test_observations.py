@@ -11,6 +11,7 @@ from helpers.teams import Spy
 from sim.environments.observations import Observations
 from sim.environments.rewards import compute_expected_gospa, compute_true_gospa, trace
 from sim.mission.snapshot import find_reported_positions
+from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.metrics.ospa import gospa
@@ -78,6 +79,20 @@ def test_scaled_rows_are_the_same_in_units_of_area_speed_and_minutes_and_cut_off
             expected = np.clip(array / units.get(name, 1.0), -1.0, 1.0)
             np.testing.assert_allclose(scaled[name], expected, rtol=1e-6, atol=1e-7)
             assert scaled[name].dtype == array.dtype
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ({"neighbours": 1}, "neighbours: 1 is too few for a team with UAV 2; expected the size of the fleet less one"),
+        ({"neighbours": -1}, "neighbours -1 is not allowed; expected an integer, 0 to 10000"),
+        ({"neighbours": 2, "trees": 2.5}, "trees 2.5 is not allowed; expected an integer, 1 to 10000"),
+        ({"neighbours": 2, "flat": "no"}, "flat 'no' is not allowed; expected True or False"),
+    ],
+)
+def test_observations_that_leave_out_uavs_or_cannot_be_are_refused(teams, rows, message):
+    with pytest.raises(InputError, match=f"^{message}$"):
+        Observations(**rows).of_team(teams[0])
 
 
 def test_a_track_that_tells_no_sighting_is_unseen_since_the_start(teams):

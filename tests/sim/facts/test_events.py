@@ -84,7 +84,7 @@ def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
     recording = recorded([(on, on), (on, off), (off, off), (gone, gone), (on, gone)])
     recording = replace(recording, matched=np.zeros_like(recording.matched), visible=np.zeros_like(recording.visible))
     lost, found = [e for e in Flight(recording).events if e.kind.startswith("person")]
-    text = "person 0 lost, without a track for 0.2 s"
+    text = "person 0 lost, without a track within 10 m for 0.2 s"
     assert (lost.kind, lost.text, lost.when, lost.person) == ("person lost", text, "0.4 to 0.8 s", 0)
     assert lost.why.endswith("; track 0 is 3.0 m off at first")
     assert found.text == "person 0 found again by UAV 0 after 0.4 s" and (found.first, found.uavs) == (4, (0,))
@@ -99,8 +99,8 @@ def test_losses_are_graded_by_the_tracks_that_hold_nobody_and_told_the_worst_fir
     assert states == [{on: "held", off: "off the track"}.get(scan, "lost") for scan in scans]
     unheld = sort_by_severity(e for e in flight.events if e.person == 0 and e.kind in UNHELD)
     assert [(e.text, e.when) for e in unheld] == [
-        ("person 0 lost, without a track", "1.2 to 1.4 s"),
-        ("person 0 lost, without a track", "2.6 to 2.8 s"),
+        ("person 0 lost, without a track within 10 m", "1.2 to 1.4 s"),
+        ("person 0 lost, without a track within 10 m", "2.6 to 2.8 s"),
         ("person 0 lost, outside the ellipse of the track", "0.8 to 1.0 s"),
         ("person 0 lost, outside the ellipse of the track", "2.0 to 2.2 s"),
         ("person 0 off the track", "0.2 to 0.6 s"),
@@ -117,7 +117,7 @@ def test_losses_are_graded_by_the_tracks_that_hold_nobody_and_told_the_worst_fir
     assert [e.kind for e in Flight(recorded(one)).events if e.person == 0] == ["person off the track"]
     other = [(on, on), (held((7, 20.0)), held((7, 20.0)))]  # the track nearby holds the other person
     assert [e.text for e in Flight(recorded(other)).events if e.kind == "person lost"] == [
-        "person 0 lost, without a track"
+        "person 0 lost, without a track within 10 m"
     ]
 
 

@@ -69,6 +69,21 @@ def test_of_a_camera_given_by_name_one_key_may_be_changed(tmp_path, monkeypatch)
         load_scenario("forest", ["uavs.0.camera.scale=0.5"])
 
 
+@pytest.mark.parametrize("fleet", ["uavs.0.camera", "uavs.*.camera", "uavs.0"])
+@pytest.mark.parametrize("before", [{}, {"uavs.0.camera": "mavic-3e"}])
+def test_a_whole_camera_given_in_python_is_as_one_of_the_command_line(before, fleet):
+    camera = {"width": 64, "height": 48, "hfov_deg": 60}
+    found = resolve_scenario(
+        resolve_scenario("forest", before), {fleet: {"camera": camera} if fleet == "uavs.0" else camera}
+    )
+    assert found.uavs[0].camera == CameraSettings(**camera) and len(found.uavs) == 3
+
+
+def test_a_belief_of_a_lens_that_folds_is_told_from_the_lens():
+    with pytest.raises(InputError, match=r"^uavs.1.camera: believed: distortion: \[-3.0, .* folds the image over"):
+        load_scenario("forest", ["uavs.1.camera={width=640, height=480, hfov_deg=60, believed={distortion=[-3]}}"])
+
+
 def test_a_camera_info_file_of_ros_is_the_camera_that_opencv_makes_of_it(tmp_path):
     (tmp_path / "info.yaml").write_text(CAMERA_INFO)
     camera = load_scenario(str(scenario_file(tmp_path, '"info.yaml"'))).uavs[0].true_camera

@@ -33,12 +33,23 @@ def test_a_person_straight_below_covers_the_pixels_of_the_mean_silhouette(footpr
         ),
         (["uavs.1.footprint=80", "sensing.mode=ideal"], []),
         (["uavs.1.footprint=60"], []),
-        (["uavs.1.pixels=2048"], [f"uavs.1: images of 2048 × 2048 pixels {SLOW} --set uavs.1.pixels=554"]),
+        (["uavs.1.pixels=2048"], [f"uavs: images of 2048 × 2048 pixels of UAV 1 {SLOW} --set uavs.1.pixels=554"]),
         (
             ["uavs.2.camera={width = 4000, height = 3000, hfov_deg = 60}"],
-            [f"uavs.2: images of 4000 × 3000 pixels {SLOW} --set uavs.2.camera.scale=0.16"],
+            [f"uavs: images of 4000 × 3000 pixels of UAV 2 {SLOW} --set uavs.2.camera.scale=0.16"],
         ),
         (["uavs.2.camera={width = 4000, height = 3000, hfov_deg = 60, scale = 0.16}"], []),
+        (
+            ["uavs.*.pixels=2048"],
+            [f"uavs: images of 2048 × 2048 pixels of UAVs 0, 1 and 2 {SLOW} --set uavs.*.pixels=554"],
+        ),
+        (
+            ["uavs.0.pixels=1662", "uavs.2.pixels=1662"],
+            [
+                f"uavs: images of 1662 × 1662 pixels of UAVs 0 and 2 {SLOW}"
+                " --set uavs.0.pixels=554 --set uavs.2.pixels=554"
+            ],
+        ),
         (["uavs.1.pixels=2048", "sensing.mode=ideal"], []),
     ],
 )

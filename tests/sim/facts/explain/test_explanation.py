@@ -213,6 +213,18 @@ def test_a_person_who_leaves_before_being_found_is_not_said_to_be_held_then(tmp_
     assert "absent from 0.8 s on" in lines[0] and "held from 0.2 s on" in lines[1]
 
 
+@pytest.mark.parametrize(("start", "told"), [("none", "not held by the end"), ("known", "not held again by the end")])
+def test_only_a_person_who_was_held_is_said_not_to_be_held_again(tmp_path, start, told):
+    (tmp_path / "people.csv").write_text("t,id,x,y\n0,0,40,30\n1,0,43,30\n3,0,43,40\n", encoding="utf-8")
+    path = f"people.trajectories='{tmp_path / 'people.csv'}'"
+    recording = recorded(
+        *IDEAL, f"tracking.initial_tracks={start}", path, "trees.density=0", planner="hover", duration=3
+    )
+    with Observer(Flight(recording)) as observer:
+        lines = explain_person(make_person_facts(observer, recording.scan_count - 1, 0))[0][1]
+    assert f"{told} of the mission" in "; ".join(lines).split("; ")
+
+
 def test_a_person_smaller_than_a_pixel_is_said_to_be_so(call, tmp_path):
     far = ("trees.density=0", "uavs=[{start=[-28,0],footprint=300}]")
     recording = recorded(*far, "tracking.initial_tracks=none", duration=0.2)
