@@ -191,7 +191,7 @@ def _place_on_scans(
             observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
             measured = observed[k, i].scan.measurements
             lost += len(frame.detections) - len(measured)
-            seen = view_of(setting.uavs[i], setting).sees(Pose(pose[:3], pose[3:]), at_target_height(measured))
+            seen = setting.believed_camera(i).sees(Pose(pose[:3], pose[3:]), at_target_height(measured))
             every, unseen = every + len(seen), unseen + int((~seen).sum())
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i], uav.camera.axes)
     if lost and not any(len(found.scan.measurements) for found in observed.values()):
