@@ -51,10 +51,7 @@ _Repeats = Annotated[
 ]
 _Out = Annotated[
     Path | None,
-    typer.Option(
-        metavar="DIR",
-        help="Folder of results; trials in it are not flown again. Default: one under runs/.",
-    ),
+    typer.Option(metavar="DIR", help="Folder of results; trials in it are not flown again. Default: one under runs/."),
 ]
 _Baseline = Annotated[
     str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")

@@ -19,8 +19,6 @@ TRACK = ("dx", "dy", "vx", "vy", "xx", "xy", "yy", "existence", "unseen")
 NEIGHBOUR = ("dx", "dy", "dz", "vx", "vy", "edge")
 TREE = ("dx", "dy", "radius")
 Observed = dict[str, Any]  # arrays by name
-
-
 _MOST_ROWS = 10_000
 _VARIANCE, _DURATION = 100.0, 60.0  # m² and s that scaled observations give as 1
 

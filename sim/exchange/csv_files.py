@@ -88,6 +88,12 @@ def read_poses(path: Path) -> dict[int, PoseLog]:
     return {uav: PoseLog(*map(np.array, zip(*rows, strict=True))) for uav, rows in ordered.items()}
 
 
+def has_quaternions(path: Path) -> bool:
+    """True if attitudes in a file of poses are quaternions."""
+    row = next(read_csv(path, "poses", (), spares=KNOWN["poses"]), None)
+    return row is not None and {*QUATERNION} <= {*row.values} and not {*ANGLES} & {*row.values}
+
+
 def read_detections(path: Path) -> dict[int, CameraFrames]:
     """Frames of each UAV with their detections, from a CSV file with some of the columns `DETECTION_COLUMNS`.
 

@@ -33,11 +33,10 @@ LABELS: dict[str, Callable[[Iterable[LabelledImage], Path], None]] = {"coco": wr
 def export(recording: Recording, target: str, out: Path, *, truth: bool = True, images: str | None = None) -> None:
     """Write a recording into the new folder `out`, completely or not at all; InputError if target or folder is wrong.
 
-    target: one of `EXPORTS`, whose files docs/how-to/tracking.md describes. Of a bag only: truth: False to leave out
-    what UAVs do not know; images: "jpeg", the default, or "png".
+    target: one of `EXPORTS`, whose files docs/how-to/tracking.md describes, with options as from `check_options`. Of a
+    bag only: truth: False to leave out what UAVs do not know; images: "jpeg", the default, or "png".
     """
     check_known("--to", target, EXPORTS)
-    check_options(target, truth=truth, images=images)
     with make_new_folder(out) as folder:
         if target == "rosbag":
             write_rosbag(recording, folder, truth=truth, images=images or "jpeg")

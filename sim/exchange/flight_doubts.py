@@ -26,11 +26,13 @@ _WORDS = {
     "flu": "of a body with x ahead",
     "frd": "of a body with x ahead and z down, as PX4 logs them",
 }
-_ATTITUDE = r"(?i)head|yaw|pitch|roll|course|azimuth|q[wxyz]|quat"  # beginnings of names of columns
+_ATTITUDE = r"(?i)head|yaw|pitch|roll|course|azimuth|omega|kappa|q[wxyz]|quat"  # parts of names of columns
 _SMALLEST = 0.02  # m, extent of a flight
 _FASTEST = 60.0  # m/s, in the median of a drone that moves
+_SLOWEST = 1e-3  # m/s, at the most, of what moves by more than `_SMALLEST`
 _HIGHEST = 300.0  # m above ground, in the median
 _FARTHEST = 1000.0  # m, from a camera to its detections in the median
+_BELOW = 1e-3  # heights, from a camera to its detections in the median
 _DEGREES = "in degrees? expected metres, such as eastings and northings"
 _LEVEL, _NORTH = np.sin(np.radians([1.6, 6.4])).tolist()  # of what radians taken for degrees reach
 _EXACT = 1e-6  # sine of an angle that is zero but for rounding
@@ -42,16 +44,21 @@ _MANY = 10  # velocities that show it
 
 def turn(attitudes: Array, axes: str) -> Array:
     """Quaternions (P, 4) of images, from those of other `axes`; InputError if these are unknown."""
-    check_known("cameras: column axes", axes, _AXES)
-    if axes == "image":
+    if axes in ("", "image"):
         return attitudes
+    check_known("cameras: column axes", axes, _AXES)
     world, own = (Rotation.from_matrix(part) for part in _AXES[axes])
     return np.asarray((world * Rotation.from_quat(attitudes) * own).as_quat())
 
 
-def name_axes(attitudes: Array) -> str:
-    """What quaternions (P, 4) may mean that look above the horizon as they are, if they look down in other axes."""
-    found = []
+def name_axes(attitudes: Array, axes: str) -> str:
+    """What quaternions (P, 4) may mean that look above the horizon as they are, if they look down in other axes.
+
+    axes: in which they were read; empty if the file has other attitudes.
+    """
+    found = list[str]()
+    if not axes:
+        return ""
     if _share_down(turn(attitudes, "optical")) > 0.9:
         found.append(f'{_WORDS["optical"]} (then cameras.csv has a column axes with "optical")')
     if _share_down(np.roll(attitudes, -1, axis=1)) > 0.9:
@@ -69,7 +76,8 @@ def find_doubts(folder: Path, uavs: Sequence[LoggedUav]) -> Iterator[str]:
     for name, known in KNOWN.items():
         if (folder / f"{name}.csv").exists():
             yield from _list_unused(folder / f"{name}.csv", name, known)
-    if _are_degrees(np.vstack([uav.poses.rows[:, :2] for uav in uavs])):
+    degrees = _are_degrees(np.vstack([uav.poses.rows[:, :2] for uav in uavs]))
+    if degrees:
         yield f"poses: all places are within {_SMALLEST:g} m; are x_m and y_m {_DEGREES}"
     if _are_degrees(np.vstack([_list_places(uav) for uav in uavs])):
         yield f"detections: all places are within {_SMALLEST:g} m; are x_m and y_m {_DEGREES}"
@@ -78,13 +86,12 @@ def find_doubts(folder: Path, uavs: Sequence[LoggedUav]) -> Iterator[str]:
         if height > _HIGHEST:
             above = "are heights in metres above the ground, not the sea?"
             yield f"poses: UAV {i} is {spell(height, 3)} m high in the median; {above}"
-        distances = _measure_distances(uav)
-        if len(distances) and (far := float(np.median(distances))) > max(_FARTHEST, 20 * height):
-            away = f"those of UAV {i} are {spell(far, 3)} m away from it in the median"
-            yield f"detections: {away}; do their places have the unit and the origin of poses?"
-        if (fov := uav.camera.view.get("fov_deg", math.inf)) < math.pi:
-            yield f"cameras: fov_deg of UAV {i} is {spell(fov, 3)}; is it in degrees?"
-        yield from _doubt_motion(uav.poses, i)
+        if not degrees:
+            yield from _doubt_distances(_measure_distances(uav), i, height)
+        for name, value in {**uav.camera.view, **uav.camera.view.get("camera", {})}.items():
+            if name.endswith("fov_deg") and value and value < math.pi:
+                yield f"cameras: {name} of UAV {i} is {spell(value, 3)}; is it in degrees?"
+        yield from _doubt_motion(uav.poses, i, uav.camera.axes)
 
 
 def _list_unused(path: Path, name: str, known: Mapping[str, str]) -> Iterator[str]:
@@ -96,7 +103,7 @@ def _list_unused(path: Path, name: str, known: Mapping[str, str]) -> Iterator[st
     unused = [own for own in row.values if own and (own not in known.values() or (angles and own in QUATERNION))]
     if unused:
         names = f"; attitudes have the columns {','.join(QUATERNION)}, or {','.join(ANGLES)}"
-        turns = not angles and any(re.match(_ATTITUDE, own) for own in unused)
+        turns = not angles and any(re.search(_ATTITUDE, own) for own in unused)
         yield f"{name}: not used: column{'s' * (len(unused) > 1)} {', '.join(unused)}{names if turns else ''}"
     for column, meaning in zip(ANGLES, ("north is at the top of images", "cameras look straight down"), strict=False):
         if angles and column not in row.values:
@@ -122,13 +129,25 @@ def _measure_distances(uav: LoggedUav) -> Array:
     return np.asarray(distances[~np.isnan(distances)])
 
 
-def _doubt_motion(log: PoseLog, uav: int) -> Iterator[str]:
-    """Remarks on the speed of a UAV, and on attitudes that do not fit to where it flies."""
+def _doubt_distances(distances: Array, uav: int, height: float) -> Iterator[str]:
+    """A remark on distances (N,) m of detections on the ground from a UAV at this height [m], in the median."""
+    usual = float(np.median(distances)) if len(distances) else height
+    if usual > max(_FARTHEST, 20 * height):
+        away = f"those of UAV {uav} are {spell(usual, 3)} m away from it in the median"
+        yield f"detections: {away}; do their places have the unit and the origin of poses?"
+    elif len(distances) >= _MANY and usual < _BELOW * height:
+        away = f"those of UAV {uav} are {spell(usual, 2)} m from the place below it in the median"
+        yield f"detections: {away}; are places in metres?"
+
+
+def _doubt_motion(log: PoseLog, uav: int, axes: str) -> Iterator[str]:
+    """Remarks on the speed of a UAV, and on attitudes that do not fit to where it flies; axes: as of `name_axes`."""
     gaps = np.diff(log.times)
     steps = np.hypot(*np.diff(log.rows[:, :2], axis=0).T)
     speeds = steps[steps > 0] / gaps[steps > 0]
-    if len(speeds) > 2 and (fast := float(np.median(speeds))) > _FASTEST:
-        flies = f"UAV {uav} flies at {spell(fast, 3)} m/s in the median"
+    moves = len(speeds) > 2 and float(np.ptp(log.rows[:, :2], axis=0).max()) >= _SMALLEST
+    if moves and (np.median(speeds) > _FASTEST or speeds.max() < _SLOWEST):
+        flies = f"UAV {uav} flies at {spell(float(np.median(speeds)), 3)} m/s in the median"
         yield f"poses: {flies}; are places in metres and times in seconds?"
         return
     east, north, up = Rotation.from_quat(log.rows[:, 3:]).apply([0.0, 0.0, -1.0]).T
@@ -140,9 +159,9 @@ def _doubt_motion(log: PoseLog, uav: int) -> Iterator[str]:
     down = _share_down(log.rows[:, 3:])
     if 0 < down < 0.9:
         share = f"the camera of UAV {uav} looks above the horizon in {100 * (1 - down):.0f} % of its poses"
-        yield f"poses: {share}{name_axes(log.rows[:, 3:])}"
+        yield f"poses: {share}{name_axes(log.rows[:, 3:], axes)}"
         return
-    ahead = _find_axes_ahead(log)
+    ahead = _find_axes_ahead(log) if axes else ""
     if ahead:
         yield (
             f"poses: UAV {uav} flies as if its quaternions were {_WORDS[ahead]}; "

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from sim.exchange.csv_files import read_cameras, read_detections, read_poses
+from sim.exchange.csv_files import has_quaternions, read_cameras, read_detections, read_poses
 from sim.exchange.flight_doubts import find_doubts, turn
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
@@ -61,6 +61,8 @@ def read_files(
     logged = find_bag(folder) if lacking else None
     bag = read_bag(logged, lacking) if logged else BagFlight({}, {}, {}, [])
     cameras = bag.cameras or read_cameras(cameras_file)
+    if not bag.poses and not has_quaternions(poses_file):
+        cameras = {i: camera._replace(axes="") for i, camera in cameras.items()}
     poses = bag.poses or _turn(read_poses(poses_file), cameras)
     known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
     found = bag.frames or (read or _FORMATS["detections.csv"])(folder, known, detector, trees)

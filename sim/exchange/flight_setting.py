@@ -19,6 +19,7 @@ from tracking.numerics.arrays import Array
 _RATES = (1, 2, 4, 5, 8, 10, 15, 16, 20, 24, 25, 30)
 _FINE_RATES = (20, 25, 30, 40, 50, 60, 100, 120, 200, 250, 500, 1000)
 EXACT = 1e-3  # periods, largest difference of times from a multiple
+_HIGHEST = 10_000  # m, as of altitudes of UAVs
 _PHYSICS = 240  # Hz, or a multiple of the rate of scans; nothing is simulated
 # Keys of trees that say how to read a stem map.
 _TREES = ("same_place", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius", "leaf_area_density")
@@ -41,7 +42,8 @@ def _find_rate(given: Mapping[str, Any], uavs: Sequence[LoggedUav]) -> int:
     assert crowded
     uav, time, gap = crowded
     two = f"UAV {uav} has two frames {spell(gap, 3)} s apart, at {spell(time)} s, in one scan of {rate} Hz"
-    raise InputError(f"rates.sensing: {two}; allowed are rates at which each scan has one frame of a UAV")
+    unit = "" if asked else "; are times in seconds?"
+    raise InputError(f"rates.sensing: {two}; allowed are rates at which each scan has one frame of a UAV{unit}")
 
 
 def _find_crowded(times: Sequence[Array], rate: int) -> tuple[int, float, float] | None:
@@ -97,8 +99,8 @@ def _list_uavs(given: Sequence[Mapping[str, Any]], flight: LoggedFlight) -> Iter
     """Tables of UAVs, with their usual altitudes; of those that are given, breakdowns and navigation are kept."""
     for i, uav in enumerate(flight.uavs):
         altitude = float(np.median(uav.poses.rows[:, 2]))
-        if altitude <= TARGET_HEIGHT:
-            above = "heights are above the ground below, and cameras above people"
+        if not TARGET_HEIGHT < altitude <= _HIGHEST:
+            above = f"heights are in metres above the ground below, to {_HIGHEST}, and cameras above people"
             raise InputError(f"poses: UAV {i}, column z_m: is {spell(altitude, 3)} m in the median; {above}")
         own = given[i] if i < len(given) else {}
         kept = {key: own[key] for key in ("fails_at", "navigation") if key in own}

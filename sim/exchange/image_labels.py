@@ -154,7 +154,7 @@ def write_yolo(images: Iterable[LabelledImage], folder: Path) -> None:
         for shown in labelled.people:
             left, top, width, height = shown.box
             edges = np.array([[left, top], [left + width, top + height]]) / labelled.camera.size
-            # A seventh digit is needed for the middle of edges with six, which so stay inside the image.
+            # A seventh digit is needed for the middle of edges with six, so that the box stays inside the image.
             first, last = edges.round(6)
             lines.append(" ".join(["0", *(f"{part:.7f}" for part in (*(first + last) / 2, *last - first))]) + "\n")
         place = folder / "labels" / labelled.split

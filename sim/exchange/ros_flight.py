@@ -26,7 +26,6 @@ from tracking.numerics.arrays import Array
 
 _OF_UAVS = (ODOMETRY, CAMERA, ON_GROUND, IN_IMAGE)
 _STORAGES = (".mcap", ".db3")
-_Pair = tuple[int, int]
 _NORM = 1e-2  # error of a quaternion's norm from which it is refused
 
 
@@ -283,15 +282,17 @@ def _read_camera(infos: Sequence[Any], where: str) -> LoggedCamera:
     """
     first = infos[0]
     for info in infos:
-        if _describe_camera(info) != _describe_camera(first):
+        if _list_numbers(info) != _list_numbers(first):
             at = spell(_read_time(info.header.stamp))
             raise InputError(f"{where}: its CameraInfo changes at {at} s; expected one camera in a flight")
-    (width, height), ((x, y), region), binning, k, bend = _describe_camera(first)
-    across, down = region if any(region) else (width, height)
-    right, below = (max(1, size) for size in binning)
+    width, height = int(first.width), int(first.height)
+    x, y = int(first.roi.x_offset), int(first.roi.y_offset)
+    across, down = int(first.roi.width) or width, int(first.roi.height) or height
+    right, below = max(1, int(first.binning_x)), max(1, int(first.binning_y))
     if x + across > width or y + down > height:
         roi = f"roi of {across} × {down} pixels from ({x}, {y}) is not in the image of {width} × {height}"
         raise InputError(f"{where}: its CameraInfo: {roi}")
+    k, bend = (np.asarray(part, dtype=float).tolist() for part in (first.k, first.d))
     # K counts from the centre of the first pixel, which is in the middle of the squares that are one.
     k[2], k[5] = (k[2] - x - (right - 1) / 2) / right, (k[5] - y - (below - 1) / 2) / below
     k[0], k[4] = k[0] / right, k[4] / below
@@ -306,11 +307,10 @@ def _read_camera(infos: Sequence[Any], where: str) -> LoggedCamera:
     return make_calibrated_camera(settings)
 
 
-def _describe_camera(info: Any) -> tuple[_Pair, tuple[_Pair, _Pair], _Pair, list[float], list[float]]:  # noqa: ANN401 - as above
-    """Size of the calibrated images, place and size of the region of interest, binning, K and D of a CameraInfo."""
-    roi = (int(info.roi.x_offset), int(info.roi.y_offset)), (int(info.roi.width), int(info.roi.height))
-    k, bend = (np.asarray(part, dtype=float).tolist() for part in (info.k, info.d))
-    return (int(info.width), int(info.height)), roi, (int(info.binning_x), int(info.binning_y)), k, bend
+def _list_numbers(info: Any) -> list[float]:  # noqa: ANN401 - as above
+    """All numbers of a CameraInfo that describe its camera."""
+    region = (info.roi.x_offset, info.roi.y_offset, info.roi.width, info.roi.height)
+    return [info.width, info.height, info.binning_x, info.binning_y, *region, *info.k, *info.d]
 
 
 def _name_classes(own: Mapping[str, ReadTopic]) -> dict[str, str]:

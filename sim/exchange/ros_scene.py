@@ -121,7 +121,7 @@ def _write(time: float, ink: _Ink, place: Sequence[float], text: str) -> RosMess
 
 
 def _clear(time: float) -> RosMessage:
-    """A marker by which those of the scan before go."""
+    """A marker that deletes those of the previous scan."""
     return {"header": head(time), "action": _DELETE_ALL}
 
 

@@ -27,12 +27,14 @@ from tracking.detection.detection_errors import whole_covariances
 from tracking.errors import InputError, spell
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest
+from tracking.geometry.visibility import Forest, at_target_height
 from tracking.numerics.arrays import Array, Flags
 from tracking.track import Scan
 
 _NEAR = 0.49  # periods, up to which a person is there before the first time and after the last, in scans and samples
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
+_GAP = 1.5  # usual times from one frame or pose to the next, beyond which some are missing
+_SEEN = 0.8  # of the time of poses, for which frames are expected
 
 
 class Observed(NamedTuple):
@@ -97,6 +99,7 @@ def read_flight(
     _override_uavs(given, of_uavs, len(flight.uavs))
     setting = make_setting(folder, given, flight)
     people = _find_people(flight, setting)
+    told = _tell_times(people, flight) if people else []
     if "area" in given:
         people, remarks = leave_area(flight, setting.area, people)
     else:
@@ -109,7 +112,7 @@ def read_flight(
         remarks = [f"area: {area.width:g} × {area.height:g} m was chosen, with {reach}"]
     if not any(uav.people for uav in flight.uavs):
         remarks += describe_trajectories(setting)[1]
-    return _place_on_scans(flight, setting, people, sigma, remarks)
+    return _place_on_scans(flight, setting, people, sigma, [*remarks, *told])
 
 
 def _override_uavs(given: dict[str, Any], overrides: Sequence[str], count: int) -> None:
@@ -149,6 +152,18 @@ def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None
     return Trajectories(times, positions)
 
 
+def _tell_times(people: Trajectories, flight: LoggedFlight) -> list[str]:
+    """A remark if nobody is known at the times of some frames."""
+    there = people.times[(~np.isnan(people.positions[..., 0])).any(axis=1)]
+    last = max(uav.frames[-1].time for uav in flight.uavs)
+    if not len(there) or (there[0] <= POSE_GAP and last - there[-1] <= POSE_GAP):
+        return []
+    spans = [(flight.start + np.array(span)).tolist() for span in ((there[0], there[-1]), (0.0, last))]
+    known, seen = (f"from {spell(round(first, 2))} to {spell(round(end, 2))} s" for first, end in spans)
+    false = "tracks at other times count as false"
+    return [f"truth: people are there {known}, and frames {seen}; {false}; do both have one clock?"]
+
+
 def _place_on_scans(
     flight: LoggedFlight, setting: Scenario, people: Trajectories | None, sigma: float, remarks: Sequence[str]
 ) -> ScannedFlight:
@@ -159,7 +174,7 @@ def _place_on_scans(
     frames = np.zeros((len(times), len(flight.uavs)), dtype=np.bool_)
     observed: dict[tuple[int, int], Observed] = {}
     rounded = 0.0
-    lost = late = 0
+    lost = late = every = unseen = 0
     for i, uav in enumerate(flight.uavs):
         poses[:, i] = uav.poses.at(times)
         taken = [frame for frame in uav.frames if round(frame.time * rate) < len(times)]
@@ -174,15 +189,21 @@ def _place_on_scans(
             frames[k, i] = True
             placed = frame._replace(time=k / rate)
             observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
-            lost += len(frame.detections) - len(observed[k, i].scan.measurements)
-        _check_attitude([found.scan for (_, j), found in observed.items() if j == i])
+            measured = observed[k, i].scan.measurements
+            lost += len(frame.detections) - len(measured)
+            seen = setting.believed_camera(i).sees(Pose(pose[:3], pose[3:]), at_target_height(measured))
+            every, unseen = every + len(seen), unseen + int((~seen).sum())
+        _check_attitude([found.scan for (_, j), found in observed.items() if j == i], uav.camera.axes)
     if lost and not any(len(found.scan.measurements) for found in observed.values()):
-        every = f"all {lost} are above the horizon, or where a lens shows nothing"
+        away = f"all {lost} are above the horizon, or where a lens shows nothing"
         axes = "x right, y up and z back, away from the scene"
-        raise InputError(f"detections: {every}; pitch_deg is -90 straight down, and quaternions turn a camera's {axes}")
+        raise InputError(f"detections: {away}; pitch_deg is -90 straight down, and quaternions turn a camera's {axes}")
     remarks = [*flight.remarks, *remarks, *_remark(flight, rate, rounded, lost)]
     if late:
         remarks.append(f"duration: left out: {late} frame{'s' * (late > 1)} after {spell(setting.duration)} s")
+    if 2 * unseen > every:
+        out = f"{unseen} of {every} are outside the views of their cameras"
+        remarks.append(f"detections: {out}; do places, poses, attitudes and angles of view belong together?")
     remarks += [] if sigma else _remark_on_covariances(flight, [found.scan for found in observed.values()])
     forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))
@@ -239,12 +260,16 @@ def _check_pixels(frames: Sequence[LoggedFrame], uav: int, camera: LoggedCamera)
                 raise InputError(f"{frame.where}: {outside}; does cameras.csv belong to these images?")
 
 
-def _check_attitude(scans: Sequence[Scan]) -> None:
-    """InputError if a camera looks above the horizon in all of its scans, without a measurement in front of it."""
+def _check_attitude(scans: Sequence[Scan], axes: str) -> None:
+    """InputError if a camera looks above the horizon in all of its scans, without a measurement in front of it.
+
+    axes: as of `name_axes`.
+    """
     if scans and not any(_sees_ground(scan) for scan in scans):
         always = f"the camera of UAV {scans[0].uav} looks above the horizon in each of its {len(scans)} frames"
         hint = "quaternions are xyzw, 0,0,0,1 looks straight down, and pitch_deg is -90 there"
-        raise InputError(f"poses: {always}; {hint}{name_axes(np.array([scan.pose.quaternion for scan in scans]))}")
+        named = name_axes(np.array([scan.pose.quaternion for scan in scans]), axes)
+        raise InputError(f"poses: {always}; {hint}{named}")
 
 
 def _sees_ground(scan: Scan) -> bool:
@@ -266,7 +291,16 @@ def _remark(flight: LoggedFlight, rate: int, rounded: float, lost: int) -> Itera
     if lost:
         yield f"detections: left out: {lost} above the horizon, or where a lens shows nothing"
     for i, uav in enumerate(flight.uavs):
-        if len(uav.frames) > 1 and all(frame.detections for frame in uav.frames):
+        times = np.array([frame.time for frame in uav.frames])
+        after = uav.poses.distances(times)[~uav.poses.covers(times)]
+        if len(uav.poses.times) > 1 and (after > _GAP * np.median(np.diff(uav.poses.times))).any():
+            least = f"{len(after)} frame{'s' * (len(after) > 1)} of UAV {i} before the first pose or after the last"
+            yield f"poses: {least}, by up to {spell(after.max(), 3)} s, {'have' if len(after) > 1 else 'has'} that pose"
+        usual = find_gap(uav.frames)
+        missing = len(times) > 1 and (
+            np.diff(times).max() > _GAP * usual or np.ptp(times) + usual < _SEEN * np.ptp(uav.poses.times)
+        )
+        if missing and all(frame.detections for frame in uav.frames):
             every = f"each frame of UAV {i} has a detection"
             yield f"detections: {every}; list those without, too, as rows of time_s and uav: they show where nobody is"
 

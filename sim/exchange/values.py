@@ -99,7 +99,7 @@ class LoggedCamera(NamedTuple):
     size: tuple[int, int]  # width and height of the images [pixel]
     clock_offset: float = 0.0  # s, to add to the UAV's times
     spans: str = ""  # what its angle of view is over, if that is a part of the images
-    axes: str = "image"  # of the quaternions of its poses
+    axes: str = "image"  # of the quaternions of its poses; empty if these have none
 
     def fit(self, size: tuple[int, int], where: str) -> "LoggedCamera":
         """The camera of images of this size: of wide ones, if its own square is that in their middle; else InputError.
@@ -119,7 +119,6 @@ class LoggedCamera(NamedTuple):
 
     def widen(self, size: tuple[int, int]) -> "LoggedCamera":
         """The camera of wide images whose middle square is this one; InputError if there is none."""
-        read_settings({"start": (0.0, 0.0), **self.view}, UavSettings)
         pixels, fov_deg = self.view["pixels"], self.view["fov_deg"]
         focal = pixels / 2 / tan(math.radians(fov_deg) / 2)
         whole = read_settings({"width": size[0], "height": size[1], "focal": (focal, focal)}, CameraSettings)
@@ -156,7 +155,8 @@ class LoggedFlight:
 
 
 def make_square_camera(fov_deg: float, pixels: int) -> LoggedCamera:
-    """A camera of square images."""
+    """A camera of square images; InputError if there is none."""
+    read_settings({"start": (0.0, 0.0), "fov_deg": fov_deg, "pixels": pixels}, UavSettings)
     return LoggedCamera({"fov_deg": fov_deg, "pixels": pixels}, (pixels, pixels))
 
 

@@ -160,7 +160,7 @@ def list_outages_at(events: Sequence[Event], times: Array, k: int) -> list[Event
 
 
 def _join_outages(pairs: Sequence[Event], own: Sequence[Event], times: Array) -> Event:
-    """One event of several pairs of UAVs, of each of which one outage is given; own: all outages of one pair."""
+    """One event for pairs of UAVs with the same outages; pairs: one outage of each; own: all outages of one pair."""
     begin, form = _OUTAGES[own[0].kind]
     more = len(pairs) - _MOST_PAIRS
     named = ", ".join(form.format(*event.uavs) for event in pairs[:_MOST_PAIRS])

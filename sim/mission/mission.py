@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planning.planner import Plan, Planner, Situation
 from planning.planner_loading import give_truth, read_exchange, reset_planner
-from sim.mission.fault import BREAKDOWN, DETECTOR, Fault
+from sim.mission.fault import BREAKDOWN, Fault
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import draw_links
@@ -159,7 +159,7 @@ class Mission:
                 shot = self._sensors.expose(shot)
             with self.clock.measure("detection"):
                 readings.append(self._sensors.read(shot))
-            faults += [Fault(time, i, f"{DETECTOR}{error}", error.trace) for error in readings[i].errors]
+            faults += [Fault(time, i, f"detector: {error}", error.trace) for error in readings[i].errors]
         places = np.array([body.position for body in bodies])
         links = draw_links(self.scenario.network, time, places, self._radio)
         with self.clock.measure("tracking"):

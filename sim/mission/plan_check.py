@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from planning.planner import Plan, Planner, Situation, check_count, copy_plan, limit_speed
-from sim.mission.fault import CLIPPED, Fault
+from sim.mission.fault import Fault
 from tracking.errors import InputError, spell
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -33,7 +33,8 @@ def ask_planner(
         with plugin_call(planner, "plan"):
             proposed = check_count(planner.plan([copy_situation(situation) for situation in team], rng), len(team))
     except PluginError as error:
-        return [_shift(last.get(s.own.id)) for s in team], [Fault(time, None, str(error), error.trace)]
+        fault = Fault(time, None, str(error), error.trace, fails_decision=True)
+        return [_shift(last.get(s.own.id)) for s in team], [fault]
     plans, faults = [], []
     for situation, given in zip(team, proposed, strict=True):
         try:
@@ -41,7 +42,7 @@ def ask_planner(
                 plan = copy_plan(given)
         except PluginError as error:
             plans.append(_shift(last.get(situation.own.id)))
-            faults.append(Fault(time, situation.own.id, str(error), error.trace))
+            faults.append(Fault(time, situation.own.id, str(error), error.trace, fails_decision=True))
             continue
         plans.append(_limit(plan, situation, faults))
     return plans, faults
@@ -63,9 +64,7 @@ def check_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tup
     for situation, each in zip(team, proposed, strict=True):
         try:
             with plugin_call():
-                plan = copy_plan(
-                    each if hasattr(each, "controls") else Plan(Form((2,)).check("velocity components", each)[None])
-                )
+                plan = copy_plan(each if hasattr(each, "controls") else _read_velocity(each))
         except PluginError as error:
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
         plans.append(_limit(plan, situation, faults))
@@ -84,7 +83,7 @@ def _limit(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
         fastest = length(controls).max()
         limited = Plan(limit_speed(controls, own.max_speed), plan.others)
     if fastest > own.max_speed * (1 + 1e-6):
-        text = f"speed {spell(fastest, 3)} m/s exceeds {own.max_speed:g} m/s{CLIPPED}"
+        text = f"speed {spell(fastest, 3)} m/s exceeds {own.max_speed:g} m/s; clipped"
         faults.append(Fault(situation.time, own.id, text))
     return limited
 

@@ -125,6 +125,7 @@ def read_csv(
     """
     name = f"{field}: {path}"
     found = read_text(path, field, MOST_BYTES)
+    found = found if "\n" in found else found.replace("\r", "\n")  # ends of lines of old programs
     _check_format(found, name, columns)
     head, first = _split_head(found)
     delimiter = _find_delimiter(first)
@@ -180,7 +181,7 @@ def _split_head(text: str) -> tuple[list[str], str]:
     """The lines before a table, which are comments or empty, and its first line; of nothing else, the last one."""
     head: list[str] = []
     for line in map(str.strip, io.StringIO(text)):
-        if line and not line.startswith("#"):
+        if line and not line.startswith(("#", "sep=")):  # a line such as sep=; is for spreadsheets
             return head, line
         head.append(line)
     return head[:-1], head[-1]

@@ -19,7 +19,7 @@ from sim.mission.recording import Recording
 from sim.views.palette import DETECTION, FAINT, PANEL, Colour, lighten, uav_colour
 from sim.views.scene import Scene, UavMark, make_scenes, mark_trees, outline_ellipse
 from tracking.errors import InputError, one_line
-from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Image
 
 _SEE_THROUGH = 150  # opacity of canopies, of 255
@@ -115,7 +115,7 @@ def _log_people(stream: rr.RecordingStream, scene: Scene) -> None:
     places = _lift(np.array([person.place for person in scene.people]).reshape(-1, 2), TARGET_HEIGHT)
     names = [person.title for person in scene.people]
     colours = [person.look.trouble or PANEL for person in scene.people]
-    half = [(0.3, 0.3, TARGET_HEIGHT)] * len(names)
+    half = [np.divide(PERSON_SIZE, 2)] * len(names)
     people = rr.Ellipsoids3D(centers=places, half_sizes=half, colors=colours, labels=names, fill_mode="solid")
     stream.log("world/people", people)
 

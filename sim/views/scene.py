@@ -267,10 +267,8 @@ class SceneMaker:
             return None
         pose = snapshot.poses[uav]
         vehicle = make_vehicle(self._scenario, uav, pose, pose.position[:2], before)
-        path, step = (
-            predict_path(self._scenario, vehicle, snapshot.flown, snapshot.time),
-            self._scenario.rates.plan_scans,
-        )
+        path = predict_path(self._scenario, vehicle, snapshot.flown, snapshot.time)
+        step = self._scenario.rates.plan_scans
         return np.vstack([path[:1], path[(len(path) - 1) % step or step :: step]])
 
 

@@ -3,7 +3,8 @@
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,15 +12,11 @@ from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario
 from sim.views.palette import uav_colour
-from sim.world.engine import explain_failure, pybullet, silence, silence_c_code
+from sim.world.engine import Engine, explain_failure, pybullet, silence, silence_c_code
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
 
-_SIZE = (1280, 800)
-_GRASS = (0.46, 0.51, 0.36, 1.0)
-_GLASS = 0.22  # opacity of a camera's pyramid of view
-_ENDS = (ord("q"), 27)  # Q and Esc
 _TRIAL = "import pybullet; assert pybullet.connect(pybullet.GUI) >= 0; pybullet.disconnect()"
 
 
@@ -37,13 +34,13 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
     if reason := explain_refusal():
         raise InputError(f"--gui: no window can be opened here ({reason}); --video makes a film instead")
     with silence_c_code():
-        client = pybullet.connect(pybullet.GUI, options=f"--width={_SIZE[0]} --height={_SIZE[1]}")
+        client = pybullet.connect(pybullet.GUI, options="--width=1280 --height=800")
         people = recording.person_count
         world = World(recording.setting, recording.forest, people, recording.seed, recording.repeat, client=client)
     say("Q or Esc closes it, the space bar pauses; turn the view with Ctrl and the mouse, zoom with the wheel.")
     try:
-        window = Window(world, recording.setting, speed)
-        all(window.add(recording.snapshot(k)) for k in scans)
+        cones = _furnish(world.engine, recording.setting)
+        _play(world, cones, map(recording.snapshot, scans), speed)
     except pybullet.error:
         if world.engine.isConnected():
             raise  # otherwise the window was closed
@@ -52,58 +49,52 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
             world.close()
 
 
-class Window:
-    """Shows successive snapshots of a world with a window; positions move evenly between them."""
+def _furnish(engine: Engine, scenario: Scenario) -> list[int]:
+    """Lay the ground and look at all of it from the south; return the ids of the views of all cameras."""
+    width, height = scenario.area.width, scenario.area.height
+    half = (width / 2, height / 2, 0.05)
+    ground = engine.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=(0.46, 0.51, 0.36, 1.0))
+    engine.createMultiBody(0.0, -1, ground, (0.0, 0.0, -0.05))
+    for option in (pybullet.COV_ENABLE_GUI, pybullet.COV_ENABLE_SHADOWS, pybullet.COV_ENABLE_KEYBOARD_SHORTCUTS):
+        engine.configureDebugVisualizer(option, 0)
+    distance = 0.47 * max(width, 1.6 * height)  # the window is 1.6 times as wide as high
+    engine.resetDebugVisualizerCamera(distance, 0.0, -50.0, (0.0, -0.05 * height, 0.0))
+    return [_add_cone(engine, uav.true_camera, uav.altitude, i) for i, uav in enumerate(scenario.uavs)]
 
-    def __init__(self, world: World, scenario: Scenario, speed: float) -> None:
-        """Lay the ground and look at all of it from the south."""
-        self._world = world
-        self._engine = world.engine
-        self._speed = speed
-        self._last: Snapshot | None = None
-        self._runs = True
-        self._cones = [self._add_cone(uav.true_camera, uav.altitude, i) for i, uav in enumerate(scenario.uavs)]
-        width, height = scenario.area.width, scenario.area.height
-        half = (width / 2, height / 2, 0.05)
-        ground = self._engine.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=_GRASS)
-        self._engine.createMultiBody(0.0, -1, ground, (0.0, 0.0, -0.05))
-        for option in (pybullet.COV_ENABLE_GUI, pybullet.COV_ENABLE_SHADOWS, pybullet.COV_ENABLE_KEYBOARD_SHORTCUTS):
-            self._engine.configureDebugVisualizer(option, 0)
-        distance = 0.47 * max(width, height * _SIZE[0] / _SIZE[1])
-        self._engine.resetDebugVisualizerCamera(distance, 0.0, -50.0, (0.0, -0.05 * height, 0.0))
 
-    def _add_cone(self, camera: Camera, length: float, uav: int) -> int:
-        """Id of a new pyramid of coloured glass: the view of a camera at the origin that looks down."""
-        ends = [(length * x, -length * y, -length) for x, y in camera.slopes(camera.corners).tolist()]
-        sides = [index for k in range(4) for index in (0, 1 + k, 1 + (k + 1) % 4)]
-        look = {"indices": sides, "rgbaColor": (*(tone / 255 for tone in uav_colour(uav)), _GLASS)}
-        shape = self._engine.createVisualShape(pybullet.GEOM_MESH, vertices=[(0, 0, 0), *ends], **look)
-        return int(self._engine.createMultiBody(0.0, -1, shape))
+def _add_cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:
+    """Id of a new pyramid of coloured glass: the view of a camera at the origin that looks down."""
+    ends = [(length * x, -length * y, -length) for x, y in camera.slopes(camera.corners).tolist()]
+    sides = [index for k in range(4) for index in (0, 1 + k, 1 + (k + 1) % 4)]
+    look = {"indices": sides, "rgbaColor": (*(tone / 255 for tone in uav_colour(uav)), 0.22)}
+    shape = engine.createVisualShape(pybullet.GEOM_MESH, vertices=[(0, 0, 0), *ends], **look)
+    return int(engine.createMultiBody(0.0, -1, shape))
 
-    def add(self, snapshot: Snapshot) -> bool:
-        """Show the time until this snapshot at the pace of the clock; False if a key ends the show."""
-        before = self._last or snapshot
-        self._last = snapshot
-        span = snapshot.time - before.time
+
+def _play(world: World, cones: Sequence[int], snapshots: Iterable[Snapshot], speed: float) -> None:
+    """Move evenly from each snapshot to the next at the pace of the clock, until a key ends the show."""
+    runs = True
+    for before, now in pairwise(snapshots):
+        span = now.time - before.time
         passed = 0.0  # s of the mission
         clock = time.monotonic()
         while passed < span:
             time.sleep(0.01)
-            pressed = {key for key, state in self._engine.getKeyboardEvents().items() if state & 2}
-            if pressed.intersection(_ENDS):
-                return False
-            self._runs ^= ord(" ") in pressed
+            pressed = {key for key, state in world.engine.getKeyboardEvents().items() if state & 2}
+            if pressed & {ord("q"), 27}:  # Q or Esc
+                return
+            runs ^= ord(" ") in pressed
             spent = time.monotonic() - clock
             clock += spent
-            passed += self._speed * spent * self._runs
-            self._place(before, snapshot, min(passed / span, 1.0))
-        return True
+            passed += speed * spent * runs
+            _place(world, cones, before, now, min(passed / span, 1.0))
 
-    def _place(self, one: Snapshot, other: Snapshot, share: float) -> None:
-        people = np.where(np.isnan(other.people), one.people, one.people + share * (other.people - one.people))
-        self._world.place_people(people, one.headings)
-        bodies = [a.position + share * (b.position - a.position) for a, b in zip(one.poses, other.poses, strict=True)]
-        self._world.place_uavs([Pose(at, pose.quaternion) for at, pose in zip(bodies, one.poses, strict=True)])
-        for i, at in enumerate(bodies):  # where cameras are, too
-            place = at.tolist() if i in one.working else (0.0, 0.0, -1000.0)
-            self._engine.resetBasePositionAndOrientation(self._cones[i], place, one.cameras[i].quaternion.tolist())
+
+def _place(world: World, cones: Sequence[int], one: Snapshot, other: Snapshot, share: float) -> None:
+    people = np.where(np.isnan(other.people), one.people, one.people + share * (other.people - one.people))
+    world.place_people(people, one.headings)
+    bodies = [a.position + share * (b.position - a.position) for a, b in zip(one.poses, other.poses, strict=True)]
+    world.place_uavs([Pose(at, pose.quaternion) for at, pose in zip(bodies, one.poses, strict=True)])
+    for i, at in enumerate(bodies):  # where cameras are, too
+        place = at.tolist() if i in one.working else (0.0, 0.0, -1000.0)
+        world.engine.resetBasePositionAndOrientation(cones[i], place, one.cameras[i].quaternion.tolist())

@@ -47,6 +47,9 @@ def read_trajectories(
     name = f"people.trajectories: {path}"
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - EXACT) + 1) / SAMPLES_PER_SECOND
     persons = _read_people(path, name, area, people)
+    if all(np.isnan(place[0]) for rows in persons.values() for place in rows.values()):
+        outside = f"all places are outside the area of {area.width:g} × {area.height:g} m"
+        raise InputError(f"{name}: columns x and y: {outside}; do they have its origin?")
     if len(persons) * duration > MOST_WALKED:
         walked = f"{len(persons)} people for a duration of {duration:g} s"
         raise InputError(f"{name}: {walked} are too many; at most {spell(MOST_WALKED)} s of all together are allowed")
@@ -71,13 +74,17 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
     name = f"people.trajectories: {path}"
     people = _read_people(path, name, scenario.area, scenario.people)
     times = [time for positions in people.values() for time in positions]
-    speeds = {person: _compute_mean_speed(rows) for person, rows in people.items() if len(rows) > 1}
+    speeds = {person: _compute_mean_speed(rows) for person, rows in people.items()}
+    speeds = {person: speed for person, speed in speeds.items() if not math.isnan(speed)}
     span = f"{name}: {len(people)} people, from {spell(min(times))} to {spell(max(times))} s"
     doubts = []
-    if len(people) > len({*times}) and _lacks_names(path, scenario.people):
-        count = f"has {len(people)} ids, but {len({*times})} times"
-        doubts.append(f"{name}: {count}; if the first column is the id, name the columns in a first line")
-    if single := [person for person in people if person not in speeds]:
+    if _lacks_names(path, scenario.people):
+        if len(people) > len({*times}):
+            count = f"has {len(people)} ids, but {len({*times})} times"
+            doubts.append(f"{name}: {count}; if the first column is the id, name the columns in a first line")
+        elif scenario.people.fps is None and all((time + scenario.people.start).is_integer() for time in times):
+            doubts.append(f"{name}: all times are whole numbers; {_HINTS['time'].strip('; ')}")
+    if single := [person for person, rows in people.items() if len(rows) == 1]:
         doubts.append(f"{name}: left out: {_name_ids(single)}, in a single row; a path needs two or more")
     if not speeds:
         return span, doubts
@@ -114,10 +121,13 @@ def _name_ids(ids: list[str]) -> str:
 
 
 def _compute_mean_speed(rows: dict[float, Array]) -> float:
-    """Speed [m/s] of a person with these positions (2,) m by time [s], along places a second or more apart."""
+    """Speed [m/s] of a person with these positions (2,) m by time [s], along places a second or more apart.
+
+    NaN for one with fewer than two places.
+    """
     times = np.array(sorted(time for time, place in rows.items() if not np.isnan(place[0])))
     if len(times) < 2:
-        return 0.0
+        return math.nan
     last = len(times) - 1
     _, first_of_seconds = np.unique(np.floor(times[:last] - times[0]), return_index=True)
     places = np.array([rows[times[k]] for k in [*first_of_seconds.tolist(), last]])

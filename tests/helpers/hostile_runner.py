@@ -22,7 +22,8 @@ from sim.mission.archive import find_recording  # noqa: F401
 from sim.mission.warmup import warm_up
 from sim.study.report import terminal  # noqa: F401
 from sim.study.trials import get_release
-from sim.views.drawing import redrawn_film, rerun_viewer  # noqa: F401
+from sim.views import rerun_viewer  # noqa: F401
+from sim.views.drawing import redrawn_film  # noqa: F401
 from sim.views.page import page  # noqa: F401
 
 SECONDS, BYTES = 20.0, 2 * 2**30

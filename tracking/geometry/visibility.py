@@ -76,11 +76,6 @@ class Tree:
         trunk = Solid("trunk", x, y, self.trunk_radius, 0.0, base)
         return trunk, Solid("canopy", x, y, self.canopy_radius, base, self.canopy_top, self.leaf_area_density)
 
-    @property
-    def cover(self) -> float:
-        """Share of the ground below the canopy that it hides from straight above."""
-        return self.solids[-1].cover
-
 
 @dataclass(frozen=True, eq=False)
 class Forest:

@@ -25,7 +25,7 @@ from sim.facts.metrics.holding import FAR
 from sim.facts.metrics.metric import Better, Computation, Metric, Outcome, mean
 from sim.facts.metrics.score import Score
 from sim.facts.metrics.unmatched import Unmatched
-from sim.mission.fault import BREAKDOWN, METRIC, Fault
+from sim.mission.fault import BREAKDOWN, Fault
 from sim.mission.recorded_links import measure_ages
 from sim.mission.recording import Recording
 from sim.mission.stopwatch import STAGES
@@ -411,7 +411,7 @@ def evaluate(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | N
                 value = asked_for(deepcopy(outcome))
                 found[name] = float(value) if value is not None and math.isfinite(value) else None
         except PluginError as error:
-            text = f"{METRIC}{name}: {error.with_place}"
+            text = f"metric {name}: {error.with_place}"
             outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
             found |= {name: None, "faults": METRICS["faults"](outcome)}
     return found

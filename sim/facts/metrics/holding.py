@@ -31,11 +31,7 @@ HOLD_MEANINGS = {
     "held": "all working UAVs hold them",
 }
 HOLDS = tuple(HOLD_MEANINGS)
-GRADES = (
-    "lost",
-    "not found yet",
-    "off the track",
-)  # of losses, the states in which no UAV holds people, the worst first
+GRADES = ("lost", "not found yet", "off the track")  # states in which no UAV holds a person, the worst first
 INSIDE, OUTSIDE, NO_TRACK = range(3)  # gap between a person without a track and the tracks that hold nobody
 
 

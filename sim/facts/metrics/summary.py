@@ -3,7 +3,6 @@
 import json
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
 from functools import cache
 from importlib.metadata import version
 from itertools import groupby
@@ -52,7 +51,8 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
         **({"metrics": {name: _put_in_unit(find_metric(name), values[name]) for name in asked}} if asked else {}),
         "seconds": dict(outcome.seconds),
         "faults": [
-            {name: value for name, value in asdict(f).items() if name != "trace" or value} for f in outcome.faults
+            {"time": f.time, "uav": f.uav, "message": f.message, **({"trace": f.trace} if f.trace else {})}
+            for f in outcome.faults
         ],
         "contacts": list_contacts(recording),
         "planning_s": [round(lap, 6) for lap in outcome.planning_s],

@@ -17,8 +17,6 @@ from sim.study.analysis.normalised_score import Scored
 from sim.study.cells import Levels
 
 Value = str | float | None
-
-
 FAILED = METRICS["failed_decisions"]
 
 
@@ -81,13 +79,7 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
             },
             "difference",
         ),
-        Entry(
-            "maps\nneeded",
-            _format_maps_needed(gap),
-            {"maps_needed": gap.needed},
-            "difference",
-            wide_only=True,
-        ),
+        Entry("maps\nneeded", _format_maps_needed(gap), {"maps_needed": gap.needed}, "difference", wide_only=True),
     ]
     empty = {"cell": answer.cell is None, "difference": answer.difference is None, "answer": False}
     return [e._replace(text=e.if_empty, fields=dict.fromkeys(e.fields)) if empty[e.known_of] else e for e in entries]

@@ -71,6 +71,54 @@ def test_what_is_far_from_any_drone_or_not_used_is_told_in_one_line(told, header
     assert "\n" not in line
 
 
+SEEN_ALWAYS = [SEEN[0], *(f"{t},{x + 1},{y}" for t, (x, y) in zip(TIMES, PLACES.tolist(), strict=True))]
+LABELS = ["time_s,id,x_m,y_m", *(line.replace(",", ",a,", 1) for line in SEEN_ALWAYS[1:])]
+DEGREES = [[100 * row[0], *row[1:]] for row in posed([11.57, 48.1] + PLACES / 1e3)]  # a circle of 3 km
+ODD = {  # poses, other files, and what is told
+    "kilometres of degrees": (DEGREES, {"detections": SEEN[:3]}, "poses: UAV 0 flies at 6e-05 m/s in the median; are"),
+    "kilometres": (
+        posed(PLACES / 1e3),
+        {"detections": [SEEN[0], *(f"{t},0.003,0.03" for t in TIMES[:12])]},
+        "detections: those of UAV 0 are 0.0036 m from the place below it in the median; are places in metres?",
+    ),
+    "radians over a width": (
+        posed(),
+        {"cameras": ["hfov_deg,width_px,height_px", "1.4,192,128"]},
+        "cameras: hfov_deg of UAV 0 is 1.4; is it in degrees?",
+    ),
+    "x for y": (
+        posed(),
+        {"detections": [SEEN[0], "0,30,0", "1,29.4,6", "2,27,11.7", "3,17,25"]},
+        "detections: 3 of 4 are outside the views of their cameras; do places, poses",
+    ),
+    "people who are known for a while": (
+        posed(),
+        {"detections": SEEN_ALWAYS, "truth": LABELS[:16]},
+        "truth: people are there from 0 to 2.88 s, and frames from 0 to 39.8 s; tracks at other times count as false",
+    ),
+    "poses that end early": (
+        posed()[:-8],
+        {"detections": SEEN_ALWAYS},
+        "poses: 8 frames of UAV 0 before the first pose or after the last, by up to 1.6 s, have that pose",
+    ),
+    "frames that are missing": (posed(), {"detections": SEEN_ALWAYS[:9] + SEEN_ALWAYS[20:]}, "list those without, too"),
+    "frames at the end of a flight": (posed(), {"detections": [SEEN[0], *SEEN_ALWAYS[99:]]}, "list those without, too"),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_files_that_do_not_fit_together_are_told_of_in_one_line(told, name):
+    rows, files, doubt = ODD[name]
+    (line,) = [line for line in told(PLAIN, rows, **files).remarks if doubt in line]
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize("area", [(), ("area.width=20", "area.height=20")])
+def test_a_detection_in_each_frame_and_people_who_leave_an_area_are_not_odd(told, area):
+    remarks = told(PLAIN, posed(), area, detections=SEEN_ALWAYS, truth=LABELS).remarks
+    assert all(line.startswith(("area: ", "detections: those without a covariance")) for line in remarks)
+
+
 def test_a_body_on_a_straight_course_is_doubted_unless_north_is_up(told):
     """A gimbal that keeps north at the top may fly to any side."""
     for course, doubted in ((0.0, False), (0.7, True)):
@@ -103,6 +151,15 @@ def test_quaternions_of_other_axes_give_the_same_poses(told, axes):
     wanted = AXES["image"][0].as_matrix()
     np.testing.assert_allclose(Rotation.from_quat(found.poses[0, 0, 3:]).as_matrix(), wanted, atol=1e-9)
     assert not any(line.startswith("poses") for line in found.remarks)
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_axes_of_quaternions_are_not_those_of_angles(told, axes):
+    header, rows = f"{PLAIN},yaw_deg,pitch_deg", posed(more=np.column_stack([np.degrees(COURSE), 0 * TIMES - 60]))
+    cameras = ["fov_deg,pixels,axes", f"60,128,{axes}"]
+    np.testing.assert_array_equal(told(header, rows, cameras=cameras).poses, told(header, rows).poses)
+    with pytest.raises(InputError, match=r"looks above the horizon in each .* and pitch_deg is -90 there$"):
+        told(header, [[*row[:5], 90] for row in rows], cameras=cameras)
 
 
 def test_axes_are_named_by_where_they_look(told):

@@ -216,6 +216,9 @@ REFUSED = {
         "cameras": ["hfov_deg,width_px,height_px", "200,1920,1080"],
     },
     "UAV 0, column z_m: is 0 m in the median": above("{t},{i},0,0,0"),
+    "UAV 0, column z_m: is 20000 m in the median; heights are in metres": above("{t},{i},0,0,20000"),
+    "one frame of a UAV; are times in seconds?": {**STILL, "detections": [SEEN, "45000.1,0,1,1", "45000.100001,0,1,1"]},
+    "line 2: fov_deg: 180.0 is not allowed": {**STILL, "cameras": ["fov_deg,pixels", "180,128"]},
     "looks above the horizon in each of its 2 frames; quaternions are xyzw": {
         **TURNED,
         "detections": [SEEN, "0,0,,", "0,1,,", "0.2,0,,"],

@@ -221,6 +221,8 @@ def test_stems_at_one_place_may_be_one_tree(stems):
         '"x" "y"\n"1" 1 2\n"2" 3 4\n',
         'x,y\n"oak 1",1,2\n"oak 2",3,4\n',
         "\ufeff\ufeffx,y\n1,2\n3,4\n",
+        "x,y\r1,2\r3,4\r",
+        "sep=;\nx;y\n1;2\n3;4\n",
     ],
 )
 def test_comments_and_names_of_rows_are_read_over(stems, text):

@@ -159,6 +159,20 @@ def test_a_nameless_file_with_more_ids_than_times_is_doubted(csv_file, separator
         )
 
 
+def test_whole_times_of_a_nameless_file_may_be_frames(csv_file):
+    lines = [f"{5 * t:.0f} {i} {x} {y}" for t, i, x, y in walks([1.2, 1.6])]
+    path = csv_file("\n".join(lines))
+    told = "all times are whole numbers; if frames are counted, people.fps says how many there are in a second"
+    assert described(path)[1] == [f"people.trajectories: {path}: {told}"]
+
+
+def test_people_of_another_origin_are_refused_where_those_outside_are_clipped(csv_file):
+    path = csv_file(table((t, i, x + 457100, y) for t, i, x, y in walks([1.0, 1.4])))
+    told = r"columns x and y: all places are outside the area of 150 × 100 m; do they have its origin\?$"
+    with pytest.raises(InputError, match=told):
+        read_trajectories(path, AREA, duration=20, people=People(outside="clip"))
+
+
 def test_commands_tell_of_the_file_and_doubt_it(call, compare, csv_file):
     path = csv_file(table([(25 * t, i, x, y) for t, i, x, y in walks([1.0, 1.4])]))
     words = ["--planner", "hover", "--set", "sensing.mode=ideal", "--set", f"people.trajectories={path}"]
