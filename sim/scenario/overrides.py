@@ -111,7 +111,7 @@ def _find_entry(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  
     if isinstance(node, dict):
         return text
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= len(node):
-        every = ", or * for all" if key.startswith("uavs.") else ""
+        every = ", or * for all, as in uavs.*.altitude" if key.startswith("uavs.") else ""
         allowed = f"allowed are 0 to {len(node) - 1}{every}" if node else "the list is empty, so give all of it"
         raise InputError(f"{key}: {text!r} is not an index; {allowed}")
     return int(text)

@@ -71,10 +71,10 @@ def test_a_star_is_a_key_of_all_uavs(tmp_path):
         )
         assert fleet == single.uavs and len(fleet) == count
         assert {(uav.navigation, uav.fov_deg) for uav in fleet} == {("consumer", 80.0)} and fleet[1].alpha == 0.2
-    with pytest.raises(
-        InputError, match=re.escape("uavs.7.alpha: '7' is not an index; allowed are 0 to 2, or * for all")
-    ):
-        load_scenario("forest", ["uavs.7.alpha=1"])
+    for key, index in (("uavs.7.alpha", "7"), ("uavs.*", "*")):
+        allowed = "allowed are 0 to 2, or * for all, as in uavs.*.altitude"
+        with pytest.raises(InputError, match=re.escape(f"{key}: '{index}' is not an index; {allowed}")):
+            load_scenario("forest", [f"{key}=1"])
     assert load_scenario("forest", ["uavs=[{start = [1, 2]}]", "uavs.*.mount=body"]).uavs[0].mount == "body"
 
 
