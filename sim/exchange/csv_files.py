@@ -143,7 +143,9 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
             return make_calibrated_camera(read_camera(str(path.parent / name) if Path(name).suffix else name))
         except InputError as error:
             raise row.error("camera", str(error)) from error
-    across = bool(row.values.get("hfov_deg")) and not row.values.get("fov_deg")
+    across = bool(row.values.get("hfov_deg"))
+    if across and row.values.get("fov_deg"):
+        raise row.error("hfov_deg", "fov_deg is given as well; allowed is one of them")
     for column in ("width_px", "height_px") if across else CAMERA_COLUMNS[1:]:
         if column not in row.values:
             there = ",".join(row.values)

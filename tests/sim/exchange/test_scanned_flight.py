@@ -211,6 +211,10 @@ REFUSED = {
         **STILL,
         "cameras": ["fov_deg,pixels,width_px,height_px", "60,4000,6000,4000"],
     },
+    "hfov_deg: fov_deg is given as well; allowed is one of them": {
+        **STILL,
+        "cameras": ["fov_deg,pixels,hfov_deg,width_px,height_px", "60,1080,90,1920,1080"],
+    },
     "line 2: hfov_deg: 200.0 is not allowed": {
         **STILL,
         "cameras": ["hfov_deg,width_px,height_px", "200,1920,1080"],
