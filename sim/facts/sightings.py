@@ -79,9 +79,7 @@ def find_sightings(recording: Recording, k: int, uav: int, camera: Camera) -> tu
     people = recording.people[k]
     looked = bool(recording.frames_taken[k, uav])
     inside, hiding = find_inside_and_hiding(camera, pose, people, recording.hiding_forest)
-    # Without a frame, geometry decides who would rather have been shown than not.
-    free = detectable_shares(np.prod(1.0 - hiding, axis=1))
-    pixels = recording.visible[k, uav] if looked else inside & (free >= 0.5)
+    pixels = recording.visible[k, uav] if looked else inside & _would_show(hiding)
     return tuple(
         Sighting(
             person=m,
@@ -145,8 +143,12 @@ def tell_sight(camera: Camera, pose: Pose, place: Array, forest: Forest) -> str:
     (inside,), hiding = find_inside_and_hiding(camera, pose, place[None], forest)
     if not inside:
         return "out of view"
-    (shown,) = detectable_shares(np.prod(1.0 - hiding, axis=1))
-    return f"hidden by tree {hiding[0].argmax()}" if shown < 0.5 else "in view"
+    return "in view" if _would_show(hiding)[0] else f"hidden by tree {hiding[0].argmax()}"
+
+
+def _would_show(hiding: Array) -> Flags:
+    """Whether people (M,) would rather show than not behind trees, which hide shares (M, T) of their lines of sight."""
+    return np.asarray(detectable_shares(np.prod(1.0 - hiding, axis=1)) >= 0.5)
 
 
 def find_inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Array]:

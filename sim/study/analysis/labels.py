@@ -51,7 +51,7 @@ def format_entrant(row: TrialPlace) -> str:
     return add_options(row.planner, _list_entered(row))
 
 
-def is_built_in(entrant: str) -> bool:
+def is_entrant_built_in(entrant: str) -> bool:
     """True unless planner or tracker of an entrant, as from `format_entrant`, is the user's or of another package."""
     name, options = split_options(entrant)
     return name in PLANNERS and not any(option.startswith(f"{TRACKER}=") and ":" in option for option in options)

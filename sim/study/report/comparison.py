@@ -9,7 +9,7 @@ from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.metric import Metric
 from sim.study.analysis.answers import Answer, find_answers
 from sim.study.analysis.groups import Group, drop_constant_factors, group_rows
-from sim.study.analysis.labels import find_baseline, format_entrant, is_built_in, parse_labels
+from sim.study.analysis.labels import find_baseline, format_entrant, is_entrant_built_in, parse_labels
 from sim.study.analysis.metric_choice import choose_metrics
 from sim.study.analysis.normalised_score import Scored, find_score_ends, score_planners
 from sim.study.definition import ScoreScale, Study
@@ -53,7 +53,7 @@ def make_about(
         study.name,
         study.description,
         baseline=baseline,
-        order=tuple(sorted(dict.fromkeys(map(format_entrant, trials)), key=is_built_in)),
+        order=tuple(sorted(dict.fromkeys(map(format_entrant, trials)), key=is_entrant_built_in)),
         labels=given,
         metrics=tuple(metrics),
         score=study.score,
