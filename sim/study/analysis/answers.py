@@ -127,7 +127,7 @@ class Answer:
     mean: Estimate = NO_ESTIMATE
     median: Estimate = NO_ESTIMATE
     failed_decisions: float = 0.0  # mean share of failed decisions over the trials done
-    alike: bool = False  # True if several of its maps are the same, so that these are flights of one world
+    sample: str = "map"  # what each seed counts as, as of `Group`
     difference: Difference | None = None  # None for the baseline itself
 
 
@@ -145,9 +145,9 @@ def find_answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: s
     for j in range(len(metrics)):
         for group, lines in own.items():
             found.append(replace(lines[j], difference=compared[group][j]) if group in compared else lines[j])
-        alike = {group.planner for group in groups if group.alike}
+        samples = {group.planner: group.sample for group in groups if group.sample != "map"}
         found += [
-            Answer(None, planner, metrics[j], alike=planner in alike, difference=total[j])
+            Answer(None, planner, metrics[j], sample=samples.get(planner, "map"), difference=total[j])
             for planner, total in overall.items()
         ]
     return _mark_survivors(found)
@@ -190,7 +190,7 @@ def _answer_one(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             failed=len(group.failed),
             undefined=undefined[j],
             failed_decisions=float(np.mean([row.metrics.get("failed_decisions", 0.0) for row in group.done] or [0.0])),
-            alike=group.alike,
+            sample=group.sample,
             faulty=sum(row.metrics.get("faults", 0.0) > 0.0 for row in group.done),
             mean=mean.cut(metric.least, metric.most),
             median=median,

@@ -46,10 +46,16 @@ class Group:
         return append_cell(self.planner, self.cell)
 
     @property
-    def alike(self) -> bool:
-        """True if several of its seeds have the same trees and people, as from files."""
+    def sample(self) -> str:
+        """What each seed counts as: a map, or if several have the same trees and people, as from files, a flight.
+
+        It remains a seed if it has several flights.
+        """
         worlds = {row.seed: row.metrics["world"] for row in self.done if "world" in row.metrics}
-        return len(set(worlds.values())) < len(worlds)
+        if len(set(worlds.values())) == len(worlds):
+            return "map"
+        rows = (*self.done, *self.failed)
+        return "flight" if len({row.seed for row in rows}) == len(rows) else "seed"
 
     def values(self, metric: str) -> Array:
         """The metric of each trial done (n,); NaN if it is undefined."""

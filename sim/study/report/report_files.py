@@ -150,7 +150,7 @@ def _write_verdicts(found: Sequence[Answer], baseline: str, metric: Metric) -> s
             metric,
             answer.difference,
             shown=shown,
-            alike=answer.alike,
+            sample=answer.sample,
         )
         for answer in of_metric
         if answer.difference and (answer.cell is None or answer.planner not in summed)

@@ -11,48 +11,48 @@ from sim.study.analysis.labels import append_cell
 ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as often as they claim
 
 
-def count_samples(count: int, alike: bool = False) -> str:
-    """A number of maps in words; they are flights if several of them are the same world."""
-    return f"{count} {'flight' if alike else 'map'}{'s' * (count != 1)}"
+def count_samples(count: int, sample: str = "map") -> str:
+    """A number of samples in words; sample: what they are, as of `Answer`."""
+    return f"{count} {sample}{'s' * (count != 1)}"
 
 
 def write_verdict(
-    planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1, alike: bool = False
+    planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1, sample: str = "map"
 ) -> str:
     """One sentence: a planner is better or worse than the baseline, or these maps show no difference or are too few.
 
-    planner and baseline: their labels. shown: number of differences that the page shows, including this one. alike: as
-    in `Answer`.
+    planner and baseline: their labels. shown: number of differences that the page shows, including this one. sample: as
+    of `Answer`.
     """
     if not gap.pairs:
-        return f"{planner} and {baseline} cannot be told apart: they have no map in common."
+        return f"{planner} and {baseline} cannot be told apart: they have no {sample} in common."
     unit = " points" if metric.unit == "%" else f" {metric.unit}".rstrip()
     mean, low, high = (metric.text(v, signed=True) for v in (gap.mean.value, gap.mean.low, gap.mean.high))
     over = f", mean over {gap.cells} cells" if gap.cells > 1 else ""
     within = f" (95 %: {low} to {high}{over})" if gap.pairs > 1 else over
-    counted = f"; of {count_samples(gap.pairs, alike)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
+    counted = f"; of {count_samples(gap.pairs, sample)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
     ending = counted if metric.better != "neither" else ""
     apart = f"{planner} {_name_direction(metric, gap)} {baseline}"
     if gap.significant:
         start = apart
     elif gap.tied == gap.pairs:
-        start = f"{planner} and {baseline} cannot be told apart, being equal on every {'flight' if alike else 'map'}"
+        start = f"{planner} and {baseline} cannot be told apart, being equal on every {sample}"
     elif gap.pairs < LEAST_MAPS:
         are = "is" if gap.pairs == 1 else "are"
-        start = f"{count_samples(gap.pairs, alike)} {are} too few to tell {planner} and {baseline} apart"
+        start = f"{count_samples(gap.pairs, sample)} {are} too few to tell {planner} and {baseline} apart"
     else:
         start = f"{planner} and {baseline} cannot be told apart"
-    return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_write_remark(gap, shown, alike)}".strip()
+    return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_write_remark(gap, shown, sample)}".strip()
 
 
-def _write_remark(gap: Difference, shown: int, alike: bool) -> str:
+def _write_remark(gap: Difference, shown: int, sample: str) -> str:
     if gap.significant:
         lone = gap.survives or shown == 1
         return "" if lone else f"This does not survive Holm's correction for all {shown} differences."
-    few = f"At least {count_samples(LEAST_MAPS, alike)} are needed. " if gap.pairs < LEAST_MAPS else ""
+    few = f"At least {count_samples(LEAST_MAPS, sample)} are needed. " if gap.pairs < LEAST_MAPS else ""
     if not gap.pairs < gap.needed < math.inf:
         return few
-    return f"{few}To find a difference of this size takes about {count_samples(round(gap.needed), alike)}."
+    return f"{few}To find a difference of this size takes about {count_samples(round(gap.needed), sample)}."
 
 
 def _name_direction(metric: Metric, gap: Difference) -> str:
@@ -73,10 +73,11 @@ def write_notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
     if any(answer.metric.unit == "m" for answer in found) or min([*counted, *compared], default=ENOUGH) < ENOUGH:
         few = f"Intervals over fewer than {ENOUGH} maps, and those of mean errors in metres, are right less often"
         lines.append(f"{few} than in 95 % of cases (docs/how-to/reports.md).")
-    if any(answer.alike for answer in found):
+    sample = next((answer.sample for answer in found if answer.sample != "map"), "map")
+    if sample != "map":
         lines.append(
-            "Flights, not maps: seeds share trees and people, as from files. Intervals are over their noise and say "
-            "nothing of other worlds."
+            f"{sample.capitalize()}s, not maps: seeds share trees and people, as from files. Intervals are over their "
+            "noise and say nothing of other worlds."
         )
     if any(pairs < LEAST_MAPS for pairs in compared):
         lines.append(f"Fewer than {LEAST_MAPS} are too few to tell planners apart, wherever the interval ends.")
@@ -90,7 +91,7 @@ def write_notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
     if len(compared) > 1:
         lines.append(_write_correction_note(compared))
     if any(answer.trials + answer.failed > answer.flown for answer in found):
-        lines.append("Each map counts once, with the mean of its repeats.")
+        lines.append(f"Each {sample} counts once, with the mean of its repeats.")
     return lines
 
 
@@ -119,6 +120,6 @@ def list_shortfalls(found: Sequence[Answer]) -> list[str]:
         gaps = answer.difference
         if gaps and gaps.unpaired:
             where = " in every cell" if answer.cell is None else ""
-            counted = f"{gaps.pairs} of {gaps.pairs + gaps.unpaired} maps"
+            counted = f"{gaps.pairs} of {gaps.pairs + gaps.unpaired} {answer.sample}s"
             lines[f"{place}: {counted} have a value of this planner and of the baseline{where}"] = None
     return list(lines)

@@ -109,7 +109,7 @@ def _format_maps(answer: Answer) -> str:
     if answer.cell is None:
         return f"{answer.difference.cells} cells" if answer.difference else ""
     count = str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
-    return f"{count} flights" if answer.alike else count
+    return count if answer.sample == "map" else f"{count} {answer.sample}s"
 
 
 def _format_record(gap: Difference, metric: Metric) -> str:

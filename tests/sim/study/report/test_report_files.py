@@ -228,9 +228,9 @@ def test_verdicts_follow_the_interval():
 def test_few_maps_tell_nothing_apart_however_large_the_difference():
     share = find_shown_metric("ospa.share_under_1m")
     for maps in range(1, 6):
-        for alike, what in ((False, "map"), (True, "flight")):
+        for what in ("map", "flight", "seed"):
             gap = gap_of(0.5 + 1e-3 * np.arange(maps)[:, None])
-            text = write_verdict("mine", "base", share, gap, alike=alike)
+            text = write_verdict("mine", "base", share, gap, sample=what)
             start = f"{maps} {what}{'s are' if maps > 1 else ' is'} too few to tell mine and base apart: scans with"
             assert text.startswith(start) and f"At least 6 {what}s are needed." in text
 

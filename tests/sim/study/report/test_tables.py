@@ -97,8 +97,26 @@ def test_seeds_that_share_a_world_are_flights_and_no_maps(worlds):
     for text in everywhere(rows):
         assert bool(re.search(r"greedy\W.*6 flights\W", text)) == alike
         assert ("Flights, not maps: seeds share trees and people" in text) == alike
-    told = write_verdict("greedy", "sma-nbo", MEAN, answer.difference, alike=answer.alike)
+    told = write_verdict("greedy", "sma-nbo", MEAN, answer.difference, sample=answer.sample)
     assert f"of 6 {'flights' if alike else 'maps'} it won" in told
+
+
+def test_flights_of_one_world_with_repeats_are_counted_by_seed():
+    """Each seed counts once: two of them with two repeats are four flights, not two."""
+    rows = [
+        row(p, s, repeat=n, metrics={"ospa.mean_m": 1.0 + i + 0.1 * s + 0.03 * n, "world": 7.0})
+        for i, p in enumerate(("sma-nbo", "greedy"))
+        for s in range(2)
+        for n in range(2)
+    ]
+    answer = find_answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")[-1]
+    assert (answer.maps, answer.trials) == (2, 4)
+    for text in everywhere(rows):
+        assert re.search(r"greedy\W.*2 seeds\W", text) and not re.search(r"\D[24] (flights|maps)\W", text)
+        assert "Seeds, not maps: seeds share trees and people" in text
+        assert "Each seed counts once, with the mean of its repeats." in text
+    told = write_verdict("greedy", "sma-nbo", MEAN, answer.difference, sample=answer.sample)
+    assert "2 seeds are too few" in told and "of 2 seeds it won" in told
 
 
 def test_a_difference_over_few_maps_is_not_left_to_its_interval():
