@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -31,15 +30,3 @@ def started_with(variable, value):
         except OSError:
             pass
     return found
-
-
-def ended(pid):
-    """True if a process ends within 10 s; one that no process has waited for has ended, too."""
-    for _ in range(100):
-        try:
-            if not Path(f"/proc/{pid}/cmdline").read_bytes():
-                return True
-        except OSError:
-            return True
-        time.sleep(0.1)
-    return False

@@ -1,7 +1,7 @@
 """Words of messages."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tracking.errors import list_numbers, spell
@@ -21,6 +21,7 @@ def test_numbers_are_those_of_people(value, digits, text):
     assert spell(value, digits) == text
 
 
+@settings(deadline=None)
 @given(st.floats(1e-4, 1e15, exclude_max=True), st.integers(1, 12))
 def test_ordinary_numbers_have_no_exponent_and_are_right_to_their_digits(value, digits):
     text = spell(value, digits)

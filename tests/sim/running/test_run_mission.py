@@ -107,7 +107,7 @@ def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_p
     while not list(tmp_path.glob(f".out.{sign}")) and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(number)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=300)
     if process.returncode == 0:
         assert names(tmp_path) == ["out"] and names(tmp_path / "out") == FILES
         recording = load_recording(tmp_path / "out" / "mission.npz")

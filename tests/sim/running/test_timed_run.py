@@ -51,7 +51,7 @@ def fly(tmp_path, monkeypatch, without_pictures):
     (tmp_path / "ailing_run.py").write_text(PLANNERS)
     monkeypatch.syspath_prepend(str(tmp_path))
 
-    def started(planner="hover", *overrides, timeout=60.0, **options):
+    def started(planner="hover", *overrides, timeout=600.0, **options):
         trial = Trial(load_scenario("forest", ["duration=2", "sensing.mode=ideal", *overrides]), planner, 5)
         return run_with_timeout(trial, tmp_path / "runs" / "out", timeout, video=False, **options)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from helpers.hostile_values import numbers
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from msgspec import inspect
 
@@ -94,6 +94,7 @@ def test_a_whole_rate_has_the_bytes_of_an_integer_however_it_is_written(key, val
     assert len(texts) == 1 and re.search(f'"{key.rpartition(".")[2]}":{value}[,}}]', texts.pop())
 
 
+@settings(deadline=None)
 @given(st.integers(1, 1000), st.integers(1, 1000))
 def test_any_whole_number_of_scans_can_be_the_period_of_plans_and_frames(scans, sensing):
     planning = float(f"{sensing / scans:.12g}")  # as messages write it

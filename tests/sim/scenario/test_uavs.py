@@ -6,7 +6,7 @@ import pickle
 
 import msgspec
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sim.scenario.loading import change_settings, decode, decode_recorded, load_scenario
@@ -31,6 +31,7 @@ def triple(altitude=None, footprint=None, fov_deg=None):
     return altitude, footprint, fov_deg
 
 
+@settings(deadline=None)
 @given(st.floats(8, 5000), st.floats(2, 120))
 def test_any_two_give_the_third(altitude, fov_deg):
     whole = triple(altitude, fov_deg=fov_deg)

@@ -164,8 +164,9 @@ def test_threads_give_the_rows_of_a_single_one_in_the_order_of_tasks(tmp_path):
 def test_processes_that_die_or_hang_lose_no_trial_and_change_no_row(tmp_path, ailing, ill):
     tasks = short(["hover", ailing(ill)], "0")
     before = dict(os.environ)
-    with Pool(1, timeout=10.0) as flying:
-        rows = run(tmp_path, tasks, flying, Options(timeout=10.0))
+    limit = {"Dies": 300.0, "Hangs": 10.0}[ill]  # s
+    with Pool(1, timeout=limit) as flying:
+        rows = run(tmp_path, tasks, flying, Options(timeout=limit))
     assert list(map(plain, rows)) == [plain(fly_trial(task).row) for task in tasks]
     assert {row.status for row in rows} == {"done"} and (tmp_path / ill).exists()
     assert dict(os.environ) == before and multiprocessing.active_children() == []

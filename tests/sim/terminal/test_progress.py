@@ -52,7 +52,9 @@ def test_a_terminal_has_a_bar_of_what_is_compiled_and_then_of_the_flight(shown):
         for k in range(38):
             wait(0.5)
             tell(Compilation(k, 81))
-        time.sleep(0.3)  # the bar is drawn ten times a second
+        patience = iter(range(400))  # the bar is drawn ten times a second, by a thread of its own
+        while "compiling: 37 of 81 functions, 0:22 left" not in output() and next(patience, None) is not None:
+            time.sleep(0.05)
         for k in range(6):
             tell(ScanProgress(k / 5, [0.5]))
     assert "compiling: 37 of 81 functions, 0:22 left" in output()

@@ -275,5 +275,5 @@ def _plays(browser):
     browser.run("document.activeElement.blur()")
     browser.press(" ", " ")
     browser.until("Number(slider.value) > 3")
-    browser.until("Number(slider.value) === 20 && film.paused", seconds=10)
+    browser.until("Number(slider.value) === 20 && film.paused")
     assert browser.run("play.textContent") == "Play"
