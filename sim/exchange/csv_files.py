@@ -27,20 +27,21 @@ from sim.exchange.values import (
     make_square_camera,
 )
 from sim.mission.recording import Recording
-from sim.scenario.camera_settings import CameraSettings, read_camera
+from sim.scenario.camera_settings import CameraSettings, make_camera, read_camera
 from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.scenario import leave_out_removed_keys
 from sim.scenario.settings_text import format_toml
-from sim.scenario.uavs import Uav
+from sim.scenario.uavs import Uav, measure_angle
 from sim.world.stem_map import TREE_COLUMNS
 from tracking.errors import InputError, spell
+from tracking.geometry.camera import Camera
 from tracking.settings import read_settings
 
 _PLACE = ("x_m", "y_m")
 QUATERNION = ("qx", "qy", "qz", "qw")
 ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
 _PIXEL = ("u_px", "v_px")
-_CLASSES = ("class", "category", "label", "class_id", "category_id", "class_name")  # names of a column
+_CLASSES = ("class_name", "class", "category", "label", "class_id", "category_id")  # of columns; names before numbers
 _SCORES = ("score", "confidence", "conf")
 _PARTS = {"place": _PLACE, "covariance": ("xx_m2", "xy_m2", "yy_m2"), "pixel": _PIXEL}  # of a detection
 POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *QUATERNION)
@@ -55,6 +56,7 @@ KNOWN = {
         name: name
         for name in (*CAMERA_COLUMNS, "hfov_deg", "width_px", "height_px", "camera", "clock_offset_s", "axes")
     },
+    "images": {name: name for name in ("time_s", "uav", "file")},
 }
 # Endings of columns by which `tracks.csv` names units.
 _UNITS = {"time": "_s", **dict(zip(STATE, ("_m", "_m", "_m_per_s", "_m_per_s"), strict=True))}
@@ -62,6 +64,7 @@ _UNITS |= {name: ("_m2", "_m2_per_s", "_m2_per_s2")[name.count("v")] for name in
 
 _ROUNDED = 1e-9  # error of a quaternion's norm up to which it stays
 _WRONG = 1e-2  # error of a quaternion's norm from which it is refused
+_WHOLE = 0.5  # largest error of a number that was rounded to a whole one
 Cells = Sequence[float | int | str]  # of a row
 
 
@@ -124,7 +127,8 @@ def read_cameras(path: Path) -> dict[int, LoggedCamera]:
 
     There may be clock_offset_s, and width_px and height_px of images that are not square: fov_deg is over a square of
     `pixels` in the middle. In place of these two, there may be hfov_deg, which is over the width, or the column
-    camera: a packaged camera, or a file beside this one. axes are those of quaternions.
+    camera: a packaged camera, or a file beside this one, with which the others then have to agree. axes are those of
+    quaternions.
     """
     cameras: dict[int, LoggedCamera] = {}
     for row in read_csv(path, "cameras", (), spares=KNOWN["cameras"]):
@@ -140,9 +144,11 @@ def read_cameras(path: Path) -> dict[int, LoggedCamera]:
 def _read_view(row: TableRow, path: Path) -> LoggedCamera:
     if name := row.values.get("camera"):
         try:
-            return make_calibrated_camera(read_camera(str(path.parent / name) if Path(name).suffix else name))
+            settings = read_camera(str(path.parent / name) if Path(name).suffix else name)
         except InputError as error:
             raise row.error("camera", str(error)) from error
+        _check_view(row, make_camera(settings))
+        return make_calibrated_camera(settings)
     across = bool(row.values.get("hfov_deg"))
     if across and row.values.get("fov_deg"):
         raise row.error("hfov_deg", "fov_deg is given as well; allowed is one of them")
@@ -153,7 +159,9 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
     try:
         if across:
             size = {"width": row.integer("width_px"), "height": row.integer("height_px")}
-            return make_calibrated_camera(read_settings({**size, "hfov_deg": row.number("hfov_deg")}, CameraSettings))
+            settings = read_settings({**size, "hfov_deg": row.number("hfov_deg")}, CameraSettings)
+            _check_view(row, make_camera(settings))
+            return make_calibrated_camera(settings)
         square = make_square_camera(fov_deg := row.number("fov_deg"), pixels := row.integer("pixels"))
         width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
         if pixels > min(width, height):
@@ -163,6 +171,19 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
         return square if width == height == pixels else square.widen((width, height))
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(row.where) else f"{row.where}: {error}") from error
+
+
+def _check_view(row: TableRow, camera: Camera) -> None:
+    """InputError if what a row says of its camera's view is not so, by more than rounding to whole numbers."""
+    (width, height), pixels = camera.size, row.optional_number("pixels")
+    over = width if pixels is None else max(1, min(width, round(pixels)))
+    own: dict[str, float] = {"pixels": over, "width_px": width, "height_px": height}
+    own |= {"hfov_deg": measure_angle(camera, width), "fov_deg": measure_angle(camera, over)}
+    for column, value in own.items():
+        given = row.optional_number(column)
+        if given is not None and abs(given - value) > _WHOLE:
+            other = f"{spell(given)} is not that of the camera, which has {spell(value, 4)}; leave it out"
+            raise row.error(column, other)
 
 
 def read_uav(row: TableRow) -> int:
@@ -281,7 +302,7 @@ def _write_cameras(recording: Recording, folder: Path) -> None:
     for i, uav in enumerate(uavs):
         rows.append([i, uav.fov_deg, uav.pixels, ""])
         if uav.camera:
-            rows[-1][-1] = f"camera{i}.toml"
+            rows[-1][1:] = [measure_angle(uav.believed_camera, uav.pixels), uav.pixels, f"camera{i}.toml"]
             text = format_toml(_describe_calibration(uav))
             (folder / f"camera{i}.toml").write_text(text, encoding="utf-8")
     columns = [*CAMERA_COLUMNS, *["camera"] * any(uav.camera for uav in uavs)]

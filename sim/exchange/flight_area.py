@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from sim.exchange.values import LoggedFlight
 from sim.scenario.environment import Area
 from sim.world.trajectories import Trajectories
+from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera
 from tracking.numerics.arrays import Array, Flags
 
@@ -53,7 +54,8 @@ def leave_area(flight: LoggedFlight, area: Area, people: Trajectories | None) ->
     if trees := int(_are_outside(flight.forest.table[:, :2], area).sum()):
         outside.append(f"{trees} of {len(flight.forest.trees)} trees")
     poses = [uav.poses.rows[:, :2] for uav in flight.uavs]
-    outside += [f"UAV {i} at times" for i, places in enumerate(poses) if _are_outside(places, area).any()]
+    if left := [i for i, places in enumerate(poses) if _are_outside(places, area).any()]:
+        outside.append(f"{list_numbers('UAV', left)} at times")
     size = f"{area.width:g} × {area.height:g} m, as given"
     return people, [f"area: {size}; outside are {', and '.join(outside)}"] if outside else []
 

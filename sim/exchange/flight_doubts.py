@@ -2,8 +2,10 @@
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from sim.exchange.csv_files import ANGLES, KNOWN, QUATERNION
 from sim.exchange.values import LoggedUav, PoseLog
 from sim.scenario.csv_tables import read_csv
-from tracking.errors import check_known, spell
+from tracking.errors import check_known, list_numbers, spell
 from tracking.numerics.arrays import Array
 
 # Rotations by which attitudes become those of images: of the world before them, and of the axes behind them.
@@ -42,6 +44,25 @@ _NORTH_UP = 0.995
 _MANY = 10  # velocities that show it
 
 
+class Doubt(NamedTuple):
+    """What is odd about a UAV."""
+
+    uav: int
+    found: str
+    hint: str  # what it may mean, or what mends it; empty if nothing is known
+
+
+def tell_doubts(doubts: Iterable[Doubt]) -> Iterator[str]:
+    """A remark for each hint, with what is found of its first UAV, and the numbers of the others."""
+    by_hint = defaultdict[str, list[Doubt]](list)
+    for doubt in doubts:
+        by_hint[doubt.hint].append(doubt)
+    for hint, (first, *more) in by_hint.items():
+        others = sorted({doubt.uav for doubt in more} - {first.uav})
+        likewise = f" ({list_numbers('UAV', others)} likewise)" if others else ""
+        yield "; ".join(filter(None, (f"{first.found}{likewise}", hint)))
+
+
 def turn(attitudes: Array, axes: str) -> Array:
     """Quaternions (P, 4) of images, from those of other `axes`; InputError if these are unknown."""
     if axes in ("", "image"):
@@ -63,7 +84,7 @@ def name_axes(attitudes: Array, axes: str) -> str:
         found.append(f'{_WORDS["optical"]} (then cameras.csv has a column axes with "optical")')
     if _share_down(np.roll(attitudes, -1, axis=1)) > 0.9:
         found.append("wxyz")
-    return f"; are these {', or '.join(found)}?" if found else ""
+    return f"are these {', or '.join(found)}?" if found else ""
 
 
 def _share_down(attitudes: Array) -> float:
@@ -81,17 +102,21 @@ def find_doubts(folder: Path, uavs: Sequence[LoggedUav]) -> Iterator[str]:
         yield f"poses: all places are within {_SMALLEST:g} m; are x_m and y_m {_DEGREES}"
     if _are_degrees(np.vstack([_list_places(uav) for uav in uavs])):
         yield f"detections: all places are within {_SMALLEST:g} m; are x_m and y_m {_DEGREES}"
-    for i, uav in enumerate(uavs):
-        height = float(np.median(uav.poses.rows[:, 2]))
-        if height > _HIGHEST:
-            above = "are heights in metres above the ground, not the sea?"
-            yield f"poses: UAV {i} is {spell(height, 3)} m high in the median; {above}"
-        if not degrees:
-            yield from _doubt_distances(_measure_distances(uav), i, height)
-        for name, value in {**uav.camera.view, **uav.camera.view.get("camera", {})}.items():
-            if name.endswith("fov_deg") and value and value < math.pi:
-                yield f"cameras: {name} of UAV {i} is {spell(value, 3)}; is it in degrees?"
-        yield from _doubt_motion(uav.poses, i, uav.camera.axes)
+    yield from tell_doubts(doubt for i, uav in enumerate(uavs) for doubt in _doubt_uav(uav, i, degrees=degrees))
+
+
+def _doubt_uav(uav: LoggedUav, number: int, *, degrees: bool) -> Iterator[Doubt]:
+    """Doubts about a UAV of this number; degrees: True if all places may be in degrees."""
+    height = float(np.median(uav.poses.rows[:, 2]))
+    if height > _HIGHEST:
+        high = f"poses: UAV {number} is {spell(height, 3)} m high in the median"
+        yield Doubt(number, high, "are heights in metres above the ground, not the sea?")
+    if not degrees:
+        yield from _doubt_distances(_measure_distances(uav), number, height)
+    for name, value in {**uav.camera.view, **uav.camera.view.get("camera", {})}.items():
+        if name.endswith("fov_deg") and value and value < math.pi:
+            yield Doubt(number, f"cameras: {name} of UAV {number} is {spell(value, 3)}", "is it in degrees?")
+    yield from _doubt_motion(uav.poses, number, uav.camera.axes)
 
 
 def _list_unused(path: Path, name: str, known: Mapping[str, str]) -> Iterator[str]:
@@ -129,44 +154,42 @@ def _measure_distances(uav: LoggedUav) -> Array:
     return np.asarray(distances[~np.isnan(distances)])
 
 
-def _doubt_distances(distances: Array, uav: int, height: float) -> Iterator[str]:
-    """A remark on distances (N,) m of detections on the ground from a UAV at this height [m], in the median."""
+def _doubt_distances(distances: Array, uav: int, height: float) -> Iterator[Doubt]:
+    """A doubt about distances (N,) m of detections on the ground from a UAV at this height [m], in the median."""
     usual = float(np.median(distances)) if len(distances) else height
     if usual > max(_FARTHEST, 20 * height):
         away = f"those of UAV {uav} are {spell(usual, 3)} m away from it in the median"
-        yield f"detections: {away}; do their places have the unit and the origin of poses?"
+        yield Doubt(uav, f"detections: {away}", "do their places have the unit and the origin of poses?")
     elif len(distances) >= _MANY and usual < _BELOW * height:
         away = f"those of UAV {uav} are {spell(usual, 2)} m from the place below it in the median"
-        yield f"detections: {away}; are places in metres?"
+        yield Doubt(uav, f"detections: {away}", "are places in metres?")
 
 
-def _doubt_motion(log: PoseLog, uav: int, axes: str) -> Iterator[str]:
-    """Remarks on the speed of a UAV, and on attitudes that do not fit to where it flies; axes: as of `name_axes`."""
+def _doubt_motion(log: PoseLog, uav: int, axes: str) -> Iterator[Doubt]:
+    """Doubts about the speed of a UAV, and on attitudes that do not fit to where it flies; axes: as of `name_axes`."""
     gaps = np.diff(log.times)
     steps = np.hypot(*np.diff(log.rows[:, :2], axis=0).T)
     speeds = steps[steps > 0] / gaps[steps > 0]
     moves = len(speeds) > 2 and float(np.ptp(log.rows[:, :2], axis=0).max()) >= _SMALLEST
     if moves and (np.median(speeds) > _FASTEST or speeds.max() < _SLOWEST):
         flies = f"UAV {uav} flies at {spell(float(np.median(speeds)), 3)} m/s in the median"
-        yield f"poses: {flies}; are places in metres and times in seconds?"
+        yield Doubt(uav, f"poses: {flies}", "are places in metres and times in seconds?")
         return
     east, north, up = Rotation.from_quat(log.rows[:, 3:]).apply([0.0, 0.0, -1.0]).T
     north_ahead = (np.abs(up) < _LEVEL).all() and (np.abs(east) < _NORTH).all() and (north > 0).all()
     if north_ahead and np.abs(up).max() > _EXACT:
         looks = f"the camera of UAV {uav} always looks at the horizon in the north"
-        yield f"poses: {looks}; are {', '.join(ANGLES)} in degrees?"
+        yield Doubt(uav, f"poses: {looks}", f"are {', '.join(ANGLES)} in degrees?")
         return
     down = _share_down(log.rows[:, 3:])
     if 0 < down < 0.9:
         share = f"the camera of UAV {uav} looks above the horizon in {100 * (1 - down):.0f} % of its poses"
-        yield f"poses: {share}{name_axes(log.rows[:, 3:], axes)}"
+        yield Doubt(uav, f"poses: {share}", name_axes(log.rows[:, 3:], axes))
         return
     ahead = _find_axes_ahead(log) if axes else ""
     if ahead:
-        yield (
-            f"poses: UAV {uav} flies as if its quaternions were {_WORDS[ahead]}; "
-            f'if they are, give cameras.csv a column axes with "{ahead}"'
-        )
+        flies = f"poses: UAV {uav} flies as if its quaternions were {_WORDS[ahead]}"
+        yield Doubt(uav, flies, f'if they are, give cameras.csv a column axes with "{ahead}"')
 
 
 def _find_axes_ahead(log: PoseLog) -> str:

@@ -1,6 +1,6 @@
 """The files of a flight from elsewhere, in any of the formats that `track` reads."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +34,8 @@ def _detect_in_images(folder: Path, uavs: Uavs, detector: str, trees: Trees) -> 
 
 
 # Formats of detections by files that tell them, and their readers; of several the first.
-_FORMATS: dict[str, Callable[[Path, Uavs, str, Trees], dict[int, CameraFrames]]] = {
+_Read = Callable[[Path, Uavs, str, Trees], dict[int, CameraFrames]]
+_FORMATS: dict[str, _Read] = {
     "detections.csv": lambda folder, *_: read_detections(folder / "detections.csv"),
     "results.json": lambda folder, *_: read_coco(folder),
     "det/det.txt": lambda folder, *_: read_sequences(folder),
@@ -54,14 +55,15 @@ def read_files(
     if not folder.is_dir() and find_bag(folder) is None:
         expected = "expected one with poses.csv and detections.csv, or a bag of ROS 2"
         raise InputError(f"FLIGHT: {folder} is not a folder; {expected}")
-    read = next((read for name, read in _FORMATS.items() if any(folder.glob(name))), None)
+    read, unused = _choose_format(folder)
     cameras_file, poses_file = folder / "cameras.csv", folder / "poses.csv"
     there = {"cameras": cameras_file.exists(), "poses": poses_file.exists(), "detections": read is not None}
     lacking = [part for part, found in there.items() if not found]
     logged = find_bag(folder) if lacking else None
     bag = read_bag(logged, lacking) if logged else BagFlight({}, {}, {}, [])
     cameras = bag.cameras or read_cameras(cameras_file)
-    if not bag.poses and not has_quaternions(poses_file):
+    if bag.poses or not has_quaternions(poses_file):
+        unused += _tell_axes(cameras.values(), "a bag has its own" if bag.poses else "it has none")
         cameras = {i: camera._replace(axes="") for i, camera in cameras.items()}
     poses = bag.poses or _turn(read_poses(poses_file), cameras)
     known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
@@ -90,7 +92,7 @@ def read_files(
         uavs.append(LoggedUav(camera, moved, frames, people))
     stems = _read_trees(folder, replace(trees, origin=origin))
     remarks = [*bag.remarks, *remarks, *(remark for seen in found.values() for remark in seen.remarks)]
-    remarks += [f"cameras: UAV {i}: {uav.camera.spans}" for i, uav in enumerate(uavs) if uav.camera.spans]
+    remarks += [*unused, *_tell_spans(uavs)]
     remarks += [*find_doubts(folder, uavs), *filter(None, (stems.summary, *stems.remarks))]
     flight = LoggedFlight(uavs, Forest(stems.trees), start, origin, _find_labels(folder, found), remarks)
     far = flight.places[np.abs(flight.places).max(axis=1) > _FARTHEST]
@@ -99,6 +101,29 @@ def read_files(
         place = f"({spell(far[0, 0], 3)}, {spell(far[0, 1], 3)}) m is {_FARTHEST:g} m or more from the origin"
         raise InputError(f"FLIGHT: {folder}: {place}; give one in the area: --origin {spell(x)},{spell(y)}")
     return flight
+
+
+def _choose_format(folder: Path) -> tuple[_Read | None, list[str]]:
+    """What reads the detections of a folder, if there are some, and a remark on those that are not used."""
+    found = [name for name in _FORMATS if any(folder.glob(name))]
+    if not found:
+        return None, []
+    others = ", ".join(found[1:])
+    return _FORMATS[found[0]], [f"detections: not used: {others}, as there is {found[0]}"] if others else []
+
+
+def _tell_axes(cameras: Iterable[LoggedCamera], instead: str) -> list[str]:
+    """A remark on axes of quaternions that are not used."""
+    given = sorted({camera.axes for camera in cameras} - {"image"})
+    what = f"cameras: not used: column axes, {', '.join(given)}, which are of quaternions in poses.csv; {instead}"
+    return [what] if given else []
+
+
+def _tell_spans(uavs: Sequence[LoggedUav]) -> list[str]:
+    """What angles of view are over, where they are over a part of the images."""
+    spans = [uav.camera.spans for uav in uavs]
+    own = {text: [i for i, other in enumerate(spans) if other == text] for text in spans if text}
+    return [f"cameras: {list_numbers('UAV', numbers)}: {text}" for text, numbers in own.items()]
 
 
 def _turn(poses: Mapping[int, PoseLog], cameras: Mapping[int, LoggedCamera]) -> dict[int, PoseLog]:

@@ -34,6 +34,7 @@ class _Image(msgspec.Struct):
 class _Category(msgspec.Struct):
     id: int
     name: str = ""
+    supercategory: str = ""
 
 
 class _Dataset(msgspec.Struct):
@@ -54,7 +55,10 @@ def read_coco(folder: Path) -> dict[int, CameraFrames]:
     Each image has the entry time_s and, of a fleet, uav beside those of COCO. `images.json` may name the categories.
     """
     dataset = _read(folder / _IMAGES, _Dataset)
-    images, categories = dataset.images, {str(one.id): one.name for one in dataset.categories}
+    groups: defaultdict[str, set[str]] = defaultdict(set)
+    for one in dataset.categories:
+        groups[one.supercategory].add(one.name or str(one.id))
+    images, categories = dataset.images, {str(one.id): one.name for one in dataset.categories if one.name}
     boxes: defaultdict[int, list[LoggedDetection]] = defaultdict(list)
     for result in _read(folder / RESULTS, list[_Result]):
         left, top, width, height = result.bbox
@@ -74,7 +78,7 @@ def read_coco(folder: Path) -> dict[int, CameraFrames]:
         if sizes.setdefault(image.uav, size) != size:
             raise InputError(f"{where}: has another size than earlier images of UAV {image.uav}; expected one")
         found[image.uav].append(LoggedFrame(image.time_s, where, boxes[image.id]))
-    return {uav: CameraFrames(frames, size=sizes[uav], categories=categories) for uav, frames in found.items()}
+    return {uav: CameraFrames(own, (), sizes[uav], categories, groups) for uav, own in found.items()}
 
 
 def _read(path: Path, kind: type[_Read]) -> _Read:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.exchange.csv_files import read_uav
+from sim.exchange.csv_files import KNOWN, read_uav
 from sim.exchange.values import CameraFrames, LoggedDetection, LoggedFrame, LoggedUav
 from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.sensing import DETECTORS, make_detectors
@@ -32,7 +32,9 @@ def detect_in_images(path: Path, name: str, uavs: Mapping[int, LoggedUav], fores
     sizes: dict[int, tuple[int, int]] = {}
     deep = set[int]()  # UAVs whose images have more than 8 bits
     detectors = make_detectors(name, forest, uavs, np.random.default_rng(0))
-    for row in sorted(read_csv(path, "images", ("time_s", "file")), key=lambda row: row.number("time_s")):
+    for row in sorted(
+        read_csv(path, "images", ("time_s", "file"), spares=KNOWN["images"]), key=lambda row: row.number("time_s")
+    ):
         uav, time = read_uav(row), row.number("time_s")
         if uav not in uavs:
             raise row.error("uav", f"UAV {uav} has no camera, or no poses")

@@ -57,9 +57,10 @@ def read_sequences(folder: Path) -> dict[int, CameraFrames]:
 def read_sequence(folder: Path) -> CameraFrames:
     """Frames of a sequence with `det/det.txt`, `seqinfo.ini` and maybe `gt/gt.txt`, the first at 0 s.
 
-    Frames count from 1, and each up to the last, also without a row, was taken. A row is a box in the image, whose
-    middle is the person's, or with a box of -1 a place x, y on the ground. In place of x, y, z there may be
-    classes, as `_find_classes` says. In `gt.txt` confidences of zero are left out. InputError says what to change.
+    Frames count from 1, and each up to the last, also without a row, was taken; rows after `seqLength` are left out. A
+    row is a box in the image, whose middle is the person's, or with a box of -1 a place x, y on the ground. In place
+    of x, y, z there may be classes, as `_find_classes` says. In `gt.txt` confidences of zero are left out. InputError
+    says what to change.
     """
     info = folder / "seqinfo.ini"
     parser = configparser.ConfigParser()
@@ -77,9 +78,14 @@ def read_sequence(folder: Path) -> CameraFrames:
     for key in ("seqlength", "imwidth", "imheight"):
         if not 0 <= facts.get(key, 0) <= _MOST:
             raise InputError(f"seqinfo: {info}: {key} is no number from 0 to {_MOST}")
-    last = max([int(facts.get("seqlength", 0)), *found, *people], default=0)
+    last = int(facts.get("seqlength", 0)) or max([*found, *people], default=0)
     if last == 0:
         raise InputError(f"detections: {folder / 'det' / 'det.txt'}: holds no frame")
+    counts = {name: sum(len(own[k]) for k in own if k > last) for name, own in (("det", found), ("gt", people))}
+    late = " and ".join(f"{count} of {name}.txt" for name, count in counts.items() if count)
+    after = f"seqinfo: {info}: left out: rows after frame {last}, which is seqLength: {late}"
+    if found and min(found) > last:
+        raise InputError(f"{after}; so no detection is left")
     size = (int(facts["imwidth"]), int(facts["imheight"])) if {"imwidth", "imheight"} <= {*facts} else None
 
     def make_frame(number: int, detections: list[LoggedDetection]) -> LoggedFrame:
@@ -87,9 +93,10 @@ def read_sequence(folder: Path) -> CameraFrames:
 
     return CameraFrames(
         frames=[make_frame(number, found.get(number, [])) for number in range(1, last + 1)],
-        people=[make_frame(number, people[number]) for number in sorted(people)],
+        people=[make_frame(number, people[number]) for number in sorted(people) if number <= last],
         size=size,
         categories=names_in_truth | names,
+        remarks=(after,) if late else (),
     )
 
 

@@ -1,7 +1,7 @@
 """Which detections of a flight are people: those of some classes, with some score, once in a frame."""
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ _PEOPLE = {"person", "persons", "people", "pedestrian", "pedestrians", "human", 
 class Selection(NamedTuple):
     """What a user asks for."""
 
-    classes: tuple[str, ...] = ()  # names or numbers of the classes that count; by default those of people
+    classes: tuple[str, ...] = ()  # names or numbers of classes that count, or names of groups; by default of people
     least_score: float | None = None  # by default more than 0
 
 
@@ -49,8 +49,10 @@ def select_people(found: Mapping[int, CameraFrames], selection: Selection) -> tu
     labels, told_of_labels = _filter("truth", {uav: seen.people for uav, seen in found.items()}, find_fault_of_label)
     if every and not any(frame.detections for own in frames.values() for frame in own):
         raise InputError(f"{told[0]}; so nobody is left; --classes and --least-score choose others")
-    if least is None and scores and scores[0] != scores[-1]:
-        span = f"scores are {spell(scores[0], 3)} to {spell(scores[-1], 3)}"
+    used = {one.score for own in frames.values() for frame in own for one in frame.detections}
+    used = {score for score in used if not math.isnan(score)}
+    if least is None and len(used) > 1:
+        span = f"scores are {spell(min(used), 3)} to {spell(max(used), 3)}"
         told.append(f"detections: {span}; --least-score leaves out the lower ones")
     kept = {uav: seen._replace(frames=frames[uav], people=labels[uav]) for uav, seen in found.items()}
     return kept, [*told, *told_of_labels]
@@ -63,10 +65,14 @@ def _choose_classes(found: Iterable[CameraFrames], there: set[str], asked: Seque
         return _PEOPLE | {""} | (set() if names else {"0" if "0" in there else "1"})
     if there and not any(there):
         raise InputError("--classes: the detections of this flight have no classes")
-    known = {name.casefold() for name in (*there, *names.values(), *_PEOPLE) if name}
-    chosen = {names.get(name, name).casefold() for name in asked}
-    for name in chosen:
-        check_known("--classes", name, sorted(known))
+    own = {name.casefold() for name in (*there, *names.values()) if name}
+    groups = defaultdict[str, set[str]](set)
+    for name, members in (item for seen in found for item in seen.groups.items() if item[0]):
+        groups[name.casefold()] |= {member.casefold() for member in members}
+    chosen = set[str]()
+    for name in (names.get(name, name).casefold() for name in asked):
+        check_known("--classes", name, sorted({*own, *groups, *_PEOPLE}))
+        chosen |= {name} if name in own else groups.get(name, {name})
     return chosen
 
 

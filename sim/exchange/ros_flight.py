@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sim.exchange.flight_doubts import Doubt, tell_doubts
 from sim.exchange.ros_bag import CAMERA, IN_IMAGE, LABELS, ODOMETRY, ON_GROUND, TRANSFORMS, ReadTopic, read_topics
 from sim.exchange.values import (
     POSE_GAP,
@@ -26,6 +27,7 @@ from tracking.numerics.arrays import Array
 
 _OF_UAVS = (ODOMETRY, CAMERA, ON_GROUND, IN_IMAGE)
 _STORAGES = (".mcap", ".db3")
+_STILL = 0.1  # m, by which positions of a body that stands still differ at most
 _NORM = 1e-2  # error of a quaternion's norm from which it is refused
 
 
@@ -43,6 +45,7 @@ class _Link(NamedTuple):
 
     parent: str
     topic: str
+    kind: str  # type of the topic
     poses: dict[float, list[float]]
 
 
@@ -82,7 +85,7 @@ def read_bag(path: Path, parts: Collection[str]) -> BagFlight:
     if not any(topic.kind in _OF_UAVS for topic in topics.values()):
         raise InputError(f"bag: {path}: has no topics of UAVs; expected {', '.join(_OF_UAVS)}, as /uav0/odometry")
     flight = BagFlight({}, {}, {}, [])
-    roots = set[str]()
+    roots, doubts = set[str](), list[Doubt]()
     for i, (name, own) in enumerate(_split_by_uav(topics).items()):
         where = f"bag: {path}: {name}" if name else f"bag: {path}"
         kinds = {topic.kind for topic in own.values()}
@@ -102,11 +105,13 @@ def read_bag(path: Path, parts: Collection[str]) -> BagFlight:
                 other = f"are in the frame {min(seen_in - {trace.root})!r}, but tf ends at {trace.root!r}"
                 raise InputError(f"bag: {path}: detections of {name or 'the UAV'} {other}; expected them there")
             flight.poses[i] = trace.poses
-            frames, left_out = _leave_out(frames, trace, where)
-            flight.remarks.extend([*told, *left_out])
+            frames, left_out = _leave_out(frames, trace, where, i)
+            flight.remarks.extend(told)
+            doubts.extend(left_out)
             roots.add(trace.root)
         if "detections" in parts:
             flight.frames[i] = CameraFrames(frames, categories=classes)
+    flight.remarks.extend(tell_doubts(doubts))
     if len(roots) > 1:
         raise InputError(f"bag: {path}: UAVs are in different frames of tf: {', '.join(sorted(roots))}")
     return flight
@@ -172,9 +177,9 @@ def _link_frames(topics: Mapping[str, ReadTopic], where: str) -> tuple[dict[str,
     for name in sorted(told, key=lambda name: (topics[name].kind == ODOMETRY, _is_true(name), name)):
         earlier = {*links} if topics[name].kind == ODOMETRY else {}
         for child, parent, time, pose in _list_poses(topics[name]):
-            link = links.setdefault(child, _Link(parent, name, {}))
+            link = links.setdefault(child, _Link(parent, name, topics[name].kind, {}))
             if child in earlier:
-                if topics[link.topic].kind == ODOMETRY and not _is_true(name):
+                if link.kind == ODOMETRY and not _is_true(name):
                     left_out[name] = f"{where}: {link.topic} has poses of {child!r}; those of {name} are not used"
                 continue
             if link.parent != parent:
@@ -212,7 +217,9 @@ def _find_optical(links: Mapping[str, _Link], name: str, where: str) -> str:
     if len(found) != 1:
         there = ", ".join(map(repr, sorted(links))) or "none"
         lacks = "has no sensor_msgs/CameraInfo, whose header names the frame of the camera"
-        raise InputError(f"{where}: {lacks}, nor one frame called optical; frames are {there}")
+        raise InputError(
+            f"{where}: {lacks}, nor one frame called optical; frames are {there}; poses.csv may give its poses"
+        )
     return found[0]
 
 
@@ -228,9 +235,13 @@ def _trace(links: Mapping[str, _Link], frame: str, seen: Sequence[float], where:
         times, rows = zip(*sorted(links[name].poses.items()), strict=True)
         chain[name] = PoseLog(np.array(times), np.array(rows))
         name = links[name].parent
+    moving = {child: log for child, log in chain.items() if np.ptp(log.rows, axis=0).any()}
+    for child, link in links.items() if not moving else ():
+        if link.kind == ODOMETRY and child not in chain and (not chain or _flies(link)):
+            apart = f"{link.topic} has poses of {child!r}, to which no tf links {name!r}, which is of the camera"
+            raise InputError(f"{where}: {apart}; record /tf_static, too, or give poses of the camera in poses.csv")
     if not chain:
         raise InputError(f"{where}: has neither nav_msgs/Odometry nor tf of the frame {frame!r}, which is its camera's")
-    moving = {child: log for child, log in chain.items() if np.ptp(log.rows, axis=0).any()}
     spans = ", ".join(f"{child!r} in {links[child].parent!r} {_tell_span(log.times)}" for child, log in moving.items())
     instants = max((log.times for log in moving.values()), key=len, default=np.array(sorted({*seen}) or [0.0]))
     for log in moving.values():
@@ -247,11 +258,15 @@ def _trace(links: Mapping[str, _Link], frame: str, seen: Sequence[float], where:
     return _Trace(PoseLog(instants, np.hstack([poses[:, :3], flip(poses[:, 3:])])), name, [*moving.values()], spans)
 
 
+def _flies(link: _Link) -> bool:
+    return bool(np.ptp([pose[:3] for pose in link.poses.values()], axis=0).max() > _STILL)
+
+
 def _tell_span(times: Array) -> str:
     return f"from {spell(times[0])} to {spell(times[-1])} s"
 
 
-def _leave_out(frames: list[LoggedFrame], trace: _Trace, where: str) -> tuple[list[LoggedFrame], list[str]]:
+def _leave_out(frames: list[LoggedFrame], trace: _Trace, where: str, uav: int) -> tuple[list[LoggedFrame], list[Doubt]]:
     """Frames at whose times there are poses, which tf does not extrapolate, and what is said of the others.
 
     InputError if one is far from all poses.
@@ -264,7 +279,7 @@ def _leave_out(frames: list[LoggedFrame], trace: _Trace, where: str) -> tuple[li
     kept = [frame for frame, there in zip(frames, trace.poses.covers(times), strict=True) if there]
     lost = len(frames) - len(kept)
     told = f"{where}: left out: {lost} frame{'s' * (lost > 1)} before or after poses, which are {trace.spans}"
-    return kept, [told] * (lost > 0)
+    return kept, [Doubt(uav, told, "")] * (lost > 0)
 
 
 def flip(quaternions: Array) -> Array:

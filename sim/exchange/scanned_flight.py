@@ -12,11 +12,11 @@ import numpy as np
 from msgspec.structs import replace
 
 from sim.exchange.flight_area import WIDEST, choose_area, leave_area
-from sim.exchange.flight_doubts import name_axes
+from sim.exchange.flight_doubts import Doubt, name_axes, tell_doubts
 from sim.exchange.flight_files import read_files
 from sim.exchange.flight_setting import EXACT, make_setting, pick_tree_keys
 from sim.exchange.people_selection import Selection
-from sim.exchange.values import POSE_GAP, LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
+from sim.exchange.values import POSE_GAP, LoggedCamera, LoggedFlight, LoggedFrame, LoggedUav, PoseLog, find_gap
 from sim.scenario.loading import decode
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
@@ -167,7 +167,7 @@ def _tell_times(people: Trajectories, flight: LoggedFlight) -> list[str]:
 def _place_on_scans(
     flight: LoggedFlight, setting: Scenario, people: Trajectories | None, sigma: float, remarks: Sequence[str]
 ) -> ScannedFlight:
-    """The flight with its frames at scans; frames after a given end are left out."""
+    """The flight with its frames at scans; those after a given end, or after a breakdown, are left out."""
     times = np.array(setting.scan_times)
     rate = setting.rates.sensing
     poses = np.empty((len(times), len(flight.uavs), 7))
@@ -179,6 +179,11 @@ def _place_on_scans(
         poses[:, i] = uav.poses.at(times)
         taken = [frame for frame in uav.frames if round(frame.time * rate) < len(times)]
         late += len(uav.frames) - len(taken)
+        working = [frame for frame in taken if setting.works(i, round(frame.time * rate) / rate)]
+        if broken := len(taken) - len(working):
+            after = f"after UAV {i} breaks down at {spell(setting.uavs[i].fails_at or 0.0)} s"
+            remarks = [*remarks, f"uavs.{i}.fails_at: left out: {broken} frame{'s' * (broken > 1)} {after}"]
+        taken = working
         at = np.array([frame.time for frame in taken])
         _check_pose_times(uav.poses, at, i, flight.start)
         _check_pixels(taken, i, uav.camera)
@@ -198,13 +203,13 @@ def _place_on_scans(
         away = f"all {lost} are above the horizon, or where a lens shows nothing"
         axes = "x right, y up and z back, away from the scene"
         raise InputError(f"detections: {away}; pitch_deg is -90 straight down, and quaternions turn a camera's {axes}")
-    remarks = [*flight.remarks, *remarks, *_remark(flight, rate, rounded, lost)]
+    remarks = [*flight.remarks, *remarks, *_remark(flight, setting, rounded, lost)]
     if late:
         remarks.append(f"duration: left out: {late} frame{'s' * (late > 1)} after {spell(setting.duration)} s")
     if 2 * unseen > every:
         out = f"{unseen} of {every} are outside the views of their cameras"
         remarks.append(f"detections: {out}; do places, poses, attitudes and angles of view belong together?")
-    remarks += [] if sigma else _remark_on_covariances(flight, [found.scan for found in observed.values()])
+    remarks += _remark_on_covariances(flight, [found.scan for found in observed.values()], sigma)
     forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))
 
@@ -269,7 +274,7 @@ def _check_attitude(scans: Sequence[Scan], axes: str) -> None:
         always = f"the camera of UAV {scans[0].uav} looks above the horizon in each of its {len(scans)} frames"
         hint = "quaternions are xyzw, 0,0,0,1 looks straight down, and pitch_deg is -90 there"
         named = name_axes(np.array([scan.pose.quaternion for scan in scans]), axes)
-        raise InputError(f"poses: {always}; {hint}{named}")
+        raise InputError("; ".join(filter(None, (f"poses: {always}", hint, named))))
 
 
 def _sees_ground(scan: Scan) -> bool:
@@ -279,37 +284,46 @@ def _sees_ground(scan: Scan) -> bool:
     return bool(back[2] >= 0 or (depths > 0).any())
 
 
-def _remark(flight: LoggedFlight, rate: int, rounded: float, lost: int) -> Iterator[str]:
+def _remark(flight: LoggedFlight, setting: Scenario, rounded: float, lost: int) -> Iterator[str]:
     """Remarks on what the files leave out, or what of them is left out.
 
-    rate: of scans [Hz]; rounded: longest time [s] from a frame to its scan; lost: number of detections left out.
+    rounded: longest time [s] from a frame to its scan; lost: number of detections left out.
     """
     if flight.start:
         yield f"time_s: times count from the first frame, at {spell(flight.start)} s"
+    rate = setting.rates.sensing
     if rounded > EXACT / rate:
         yield f"time_s: frames are at scans of {rate} Hz, {1000 * rounded:.0f} ms or less from their own times"
     if lost:
         yield f"detections: left out: {lost} above the horizon, or where a lens shows nothing"
-    for i, uav in enumerate(flight.uavs):
-        times = np.array([frame.time for frame in uav.frames])
-        after = uav.poses.distances(times)[~uav.poses.covers(times)]
-        if len(uav.poses.times) > 1 and (after > _GAP * np.median(np.diff(uav.poses.times))).any():
-            least = f"{len(after)} frame{'s' * (len(after) > 1)} of UAV {i} before the first pose or after the last"
-            yield f"poses: {least}, by up to {spell(after.max(), 3)} s, {'have' if len(after) > 1 else 'has'} that pose"
-        usual = find_gap(uav.frames)
-        missing = len(times) > 1 and (
-            np.diff(times).max() > _GAP * usual or np.ptp(times) + usual < _SEEN * np.ptp(uav.poses.times)
-        )
-        if missing and all(frame.detections for frame in uav.frames):
-            every = f"each frame of UAV {i} has a detection"
-            yield f"detections: {every}; list those without, too, as rows of time_s and uav: they show where nobody is"
+    yield from tell_doubts(doubt for i, uav in enumerate(flight.uavs) for doubt in _doubt_times(uav, i, setting))
 
 
-def _remark_on_covariances(flight: LoggedFlight, scans: Sequence[Scan]) -> Iterator[str]:
-    """A remark if detections have covariances that take poses as exact."""
+def _doubt_times(uav: LoggedUav, number: int, setting: Scenario) -> Iterator[Doubt]:
+    """Doubts about the times of poses and frames of a UAV of this number."""
+    times = np.array([frame.time for frame in uav.frames])
+    after = uav.poses.distances(times)[~uav.poses.covers(times)]
+    if len(uav.poses.times) > 1 and (after > _GAP * np.median(np.diff(uav.poses.times))).any():
+        least = f"{len(after)} frame{'s' * (len(after) > 1)} of UAV {number} before the first pose or after the last"
+        yield Doubt(number, f"poses: {least}, by up to {spell(after.max(), 3)} s", "such frames have that pose")
+    usual = find_gap(uav.frames)
+    flown = [time for time in uav.poses.times.tolist() if setting.works(number, time)]
+    missing = len(times) > 1 and (
+        np.diff(times).max() > _GAP * usual or np.ptp(times) + usual < _SEEN * np.ptp(flown or [0.0])
+    )
+    if missing and all(frame.detections for frame in uav.frames):
+        every = f"detections: each frame of UAV {number} has a detection"
+        yield Doubt(number, every, "list those without, too, as rows of time_s and uav: they show where nobody is")
+
+
+def _remark_on_covariances(flight: LoggedFlight, scans: Sequence[Scan], sigma: float) -> Iterator[str]:
+    """A remark if detections have covariances that take poses as exact, or if `sigma` is added to none."""
     detections = (found for uav in flight.uavs for frame in uav.frames for found in frame.detections)
     traces = [trace for scan in scans for trace in np.trace(scan.covariances, axis1=1, axis2=2).tolist()]
-    if traces and any(math.isnan(found.covariance[0]) for found in detections):
+    given = not any(math.isnan(found.covariance[0]) for found in detections)
+    if traces and sigma and given:
+        yield "--sigma: not used: all detections have covariances of their own"
+    if traces and not sigma and not given:
         spread = math.sqrt(np.median(traces) / 2)
         exact = f"those without a covariance get {spread:.2f} m, as of exact poses"
         yield f"detections: {exact}; if too many tracks begin, --sigma adds errors of poses"

@@ -1,7 +1,7 @@
 """Values that readers of formats give and writers take: logged flights, labelled images, and columns of a recording."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -89,6 +89,7 @@ class CameraFrames(NamedTuple):
     people: Sequence[LoggedFrame] = ()  # with the ids of people, if they are known
     size: tuple[int, int] | None = None  # width and height of the images, if known
     categories: Mapping[str, str] = {}  # names of the classes that have numbers, which detections have, too
+    groups: Mapping[str, Collection[str]] = {}  # names of classes by those of groups, as COCO's supercategories
     remarks: tuple[str, ...] = ()  # on what was read
 
 

@@ -156,9 +156,15 @@ def measure_view(settings: CameraSettings) -> CameraView:
     """The angle of view and the width of a camera's images."""
     camera = make_camera(settings)
     width, _ = camera.size
-    ends = np.array([[0.0, camera.optics.cy], [float(width), camera.optics.cy]])
+    return CameraView(measure_angle(camera, width), width)
+
+
+def measure_angle(camera: Camera, pixels: int) -> float:
+    """The angle of view [deg] over so many pixels in the middle of a camera's images, along a row."""
+    width, _ = camera.size
+    ends = np.array([[(width - pixels) / 2, camera.optics.cy], [(width + pixels) / 2, camera.optics.cy]])
     left, right = camera.slopes(ends)[:, 0].tolist()
-    return CameraView(360.0 * arctan2((right - left) / 2, 1.0) / math.pi, width)
+    return 360.0 * arctan2((right - left) / 2, 1.0) / math.pi
 
 
 def _check_camera(camera: CameraSettings, fov_deg: float, pixels: int) -> None:

@@ -85,5 +85,5 @@ def test_what_is_outside_a_given_area_is_said(tmp_path):
     assert remark.startswith(
         "area: 40 × 60 m, as given; outside are 3 of 3 people for 78.4 s in all, who count as gone"
     )
-    assert remark.endswith(", and 1 of 3 trees, and UAV 0 at times, and UAV 1 at times")
+    assert remark.endswith(", and 1 of 3 trees, and UAVs 0 and 1 at times")
     assert math.isclose(3 * 40 - 2 * 13.33 - 15, 78.4, abs_tol=0.1)

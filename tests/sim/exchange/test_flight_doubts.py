@@ -99,7 +99,7 @@ ODD = {  # poses, other files, and what is told
     "poses that end early": (
         posed()[:-8],
         {"detections": SEEN_ALWAYS},
-        "poses: 8 frames of UAV 0 before the first pose or after the last, by up to 1.6 s, have that pose",
+        "poses: 8 frames of UAV 0 before the first pose or after the last, by up to 1.6 s; such frames have that pose",
     ),
     "frames that are missing": (posed(), {"detections": SEEN_ALWAYS[:9] + SEEN_ALWAYS[20:]}, "list those without, too"),
     "frames at the end of a flight": (posed(), {"detections": [SEEN[0], *SEEN_ALWAYS[99:]]}, "list those without, too"),
@@ -111,6 +111,80 @@ def test_files_that_do_not_fit_together_are_told_of_in_one_line(told, name):
     rows, files, doubt = ODD[name]
     (line,) = [line for line in told(PLAIN, rows, **files).remarks if doubt in line]
     assert "\n" not in line
+
+
+def of_three(rows):
+    """A header or rows of one UAV, as those of three."""
+    return [[row[0], i, *row[1:]] for row in rows for i in range(3)]
+
+
+ALIKE = {  # poses, the camera's row, frames until then, and the only remark on what the three have in common
+    "height": (
+        posed(height=520),
+        "60,128,,",
+        40,
+        "poses: UAV 0 is 520 m high in the median (UAVs 1 and 2 likewise); a",
+    ),
+    "speed": (
+        posed(100 * PLACES),
+        "60,128,,",
+        40,
+        "poses: UAV 0 flies at 600 m/s in the median (UAVs 1 and 2 likewise",
+    ),
+    "angle": (
+        posed(),
+        "1.05,128,,",
+        40,
+        "cameras: fov_deg of UAV 0 is 1.05 (UAVs 1 and 2 likewise); is it in degrees?",
+    ),
+    "missing": (
+        posed(),
+        "60,128,,",
+        20,
+        "detections: each frame of UAV 0 has a detection (UAVs 1 and 2 likewise); list",
+    ),
+    "poses": (
+        posed()[:-8],
+        "60,128,,",
+        40,
+        "poses: 8 frames of UAV 0 before the first pose or after the last, by up to",
+    ),
+    "edges": (
+        posed(),
+        "40,108,192,108",
+        40,
+        "cameras: UAVs 0, 1 and 2: fov_deg 40 is over 108 pixels in the middle of",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ALIKE)
+def test_what_several_uavs_have_in_common_is_told_once(told, name):
+    rows, camera, end, doubt = ALIKE[name]
+    seen = [line.split(",") for line in SEEN_ALWAYS[1:] if float(line.split(",")[0]) < end]
+    files = {
+        "cameras": ["uav,fov_deg,pixels,width_px,height_px", *(f"{i},{camera}" for i in range(3))],
+        "detections": ["time_s,uav,x_m,y_m", *(",".join(map(str, row)) for row in of_three(seen))],
+    }
+    remarks = told("time_s,uav,x_m,y_m,z_m", of_three(rows), **files).remarks
+    (line,) = [line for line in remarks if line.startswith(doubt.split()[0]) and "UAV" in line]
+    assert line.startswith(doubt) and ("UAVs 1 and 2 likewise" in line or name == "edges")
+
+
+@pytest.mark.parametrize("fails_at", [20, 30])
+def test_a_uav_that_breaks_down_lacks_no_frames_and_those_after_it_are_left_out(told, fails_at):
+    """As of an exported mission, whose poses go on."""
+    until = [SEEN_ALWAYS[0], *(line for line in SEEN_ALWAYS[1:] if float(line.split(",")[0]) < fails_at)]
+    missing = [any("list those without" in line for line in told(PLAIN, posed(), detections=until).remarks)]
+    broken = [f"uavs.0.fails_at={fails_at}"]
+    log = told(PLAIN, posed(), broken, detections=until)
+    missing.append(any("list those without" in line for line in log.remarks))
+    assert missing == [True, False] and not any("fails_at" in line for line in log.remarks)
+    more = told(PLAIN, posed(), broken, detections=SEEN_ALWAYS)
+    np.testing.assert_array_equal(more.frames[: len(log.frames)], log.frames)
+    assert more.frames.sum() == log.frames.sum() == 5 * fails_at
+    left_out = f"uavs.0.fails_at: left out: {200 - 5 * fails_at} frames after UAV 0 breaks down at {fails_at} s"
+    assert left_out in more.remarks
 
 
 @pytest.mark.parametrize("area", [(), ("area.width=20", "area.height=20")])
@@ -157,7 +231,10 @@ def test_quaternions_of_other_axes_give_the_same_poses(told, axes):
 def test_axes_of_quaternions_are_not_those_of_angles(told, axes):
     header, rows = f"{PLAIN},yaw_deg,pitch_deg", posed(more=np.column_stack([np.degrees(COURSE), 0 * TIMES - 60]))
     cameras = ["fov_deg,pixels,axes", f"60,128,{axes}"]
-    np.testing.assert_array_equal(told(header, rows, cameras=cameras).poses, told(header, rows).poses)
+    turned, plain = told(header, rows, cameras=cameras), told(header, rows)
+    np.testing.assert_array_equal(turned.poses, plain.poses)
+    unused = f"cameras: not used: column axes, {axes}, which are of quaternions in poses.csv; it has none"
+    assert (unused in turned.remarks) == (axes != "image") and unused not in plain.remarks
     with pytest.raises(InputError, match=r"looks above the horizon in each .* and pitch_deg is -90 there$"):
         told(header, [[*row[:5], 90] for row in rows], cameras=cameras)
 

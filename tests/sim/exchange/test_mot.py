@@ -118,6 +118,23 @@ def test_boxes_in_wide_images_become_places_on_the_ground(tmp_path):
         read_flight(tmp_path)
 
 
+def test_rows_after_the_last_frame_are_left_out_with_a_remark(tmp_path):
+    det, gt = ("".join(f"{k},{n},3.5,4,20,60,1\n" for k in (4, 5, *late)) for n, late in ((1, (6, 6, 9)), (2, (7,))))
+    found = read_sequence(walk(tmp_path / "late", det=det, gt=gt))
+    assert [len(frame.detections) for frame in found.frames] == [0, 0, 0, 1, 1]
+    assert [frame.time for frame in found.people] == [3 / 25, 4 / 25]
+    (remark,) = found.remarks
+    assert remark.endswith(
+        "seqinfo.ini: left out: rows after frame 5, which is seqLength: 3 of det.txt and 1 of gt.txt"
+    )
+    only_people = read_sequence(walk(tmp_path / "gt", det="5,1,3.5,4,20,60,1\n", gt=gt))
+    assert only_people.remarks[0].endswith("which is seqLength: 1 of gt.txt") and len(only_people.frames) == 5
+    assert not read_sequence(walk(tmp_path / "in", det="5,1,3.5,4,20,60,1\n")).remarks
+    for info in (INFO.replace("seqLength=5\n", ""), INFO.replace("seqLength=5", "seqLength=0")):
+        every = read_sequence(walk(tmp_path / "all", info=info, det=det, gt=gt))
+        assert len(every.frames) == 9 and not every.remarks
+
+
 @pytest.mark.parametrize(
     ("files", "complaint"),
     [
@@ -126,6 +143,10 @@ def test_boxes_in_wide_images_become_places_on_the_ground(tmp_path):
         ({"gt": "1,1,1,1,5,5,1\n1,1,1,1,5,5,1\n"}, "line 2, column id: 1 has another row of this frame in line 1"),
         ({"det": "1e9,1,1,1,5,5,1\n"}, "frame: 1000000000 is not allowed; frames count from 1"),
         ({"info": INFO.replace("1080", "high")}, "seqinfo.ini: imheight is no number from 0 to"),
+        (
+            {"det": "6,1,1,1,5,5,1\n8,1,1,1,5,5,1\n"},
+            "frame 5, which is seqLength: 2 of det.txt; so no detection is left",
+        ),
         ({"info": "[Sequence]\nseqLength=5\n"}, "seqinfo.ini: frameRate is missing"),
     ],
 )

@@ -9,6 +9,12 @@ from sim.exchange.scanned_flight import read_flight
 from tracking.errors import InputError
 
 INFO = "[Sequence]\nframeRate=5\nseqLength=3\nimWidth=128\nimHeight=128\n"
+GROUPS = [
+    {"id": 1, "name": "rider", "supercategory": "Person"},
+    {"id": 2, "name": "walker", "supercategory": "Person"},
+    {"id": 3, "name": "van", "supercategory": "vehicle"},
+    {"id": 4, "supercategory": "vehicle"},
+]
 NAMES = [{"id": 1, "name": "car"}, {"id": 4, "name": "Person"}]
 
 
@@ -76,6 +82,24 @@ CASES = {
     "COCO from 0": (coco(*of(0, 2, 1)), {}, [34], "left out: 3 of class 1, 3 of class 2"),
     "COCO's names": (coco(*of(1, 4), categories=NAMES), {}, [54], "used: 3 of class Person; left out: 3 of class car"),
     "COCO by number": (coco(*of(1, 4), categories=NAMES), {"classes": "1"}, [34], "used: 3 of class car"),
+    "COCO, a group": (
+        coco(*of(1, 2, 3), categories=GROUPS),
+        {"classes": "person"},
+        [34, 54],
+        "used: 3 of class rider, 3 of class walker; left out: 3 of class van",
+    ),
+    "COCO, a group and a class": (
+        coco(*of(1, 2, 3, 4), categories=GROUPS),
+        {"classes": "vehicle, walker"},
+        [54, 74, 94],
+        "used: 3 of class 4, 3 of class van, 3 of class walker; left out: 3 of class rider",
+    ),
+    "COCO, a category without a name": (
+        coco(*of(4, 5), categories=[*NAMES, {"id": 5}]),
+        {},
+        [34],
+        "used: 3 of class Person; left out: 3 of class 5",
+    ),
     "COCO, no class": (coco({}, {"score": 0.4}), {"least_score": 0.4}, [34, 54], None),
     "COCO, sizes": (coco(*SIZES), {}, [54], "left out: 6 without a size"),
     "COCO, twice": (coco(*TWICE), {}, [54], "left out: 6 twice in one frame"),
@@ -84,6 +108,12 @@ CASES = {
         {},
         [34, 74],
         "3 of class Car, 3 with",
+    ),
+    "names beside numbers": (
+        table("class_id,class_name", "0,car", "7,person"),
+        {},
+        [54],
+        "used: 3 of class person; left out: 3 of class car",
     ),
     "a table's numbers": (
         table("category_id,confidence", "1,0.9", "2,0.9", "1,0.1"),
@@ -119,6 +149,25 @@ def test_only_people_are_tracked_and_a_remark_names_the_others(flight, case):
     assert any(remark in text for text in told) if remark else not any("left out" in text for text in told)
 
 
+SPANS = {  # files, options, and the scores of which a remark tells
+    "zeros": (mot("0.9", "0", "0.3"), "0.3 to 0.9"),
+    "zeros and one score": (mot("0.9", "0", "0.9"), None),
+    "no sizes": (coco(*({**one, "score": score} for one, score in zip(SIZES, (0.5, 0.1, 0.9), strict=True))), None),
+    "twice": (coco(*TWICE), None),
+    "other classes": (coco({"category_id": 1, "score": 0.5}, {"category_id": 3, "score": 0.1}), None),
+    "all zero": (mot("0", "0"), None),
+    "not all have one": (mot("0.5", "-1", "0.25"), "0.25 to 0.5"),
+}
+
+
+@pytest.mark.parametrize("case", SPANS)
+def test_the_scores_of_a_remark_are_those_of_people_who_count(flight, case):
+    files, span = SPANS[case]
+    told = [text for text in read_flight(flight(files)).remarks if "scores" in text]
+    wanted = f"detections: scores are {span}; --least-score leaves out the lower ones"
+    assert told == ([wanted] if span else [])
+
+
 def test_labels_are_of_the_same_classes_as_detections(flight):
     rows = [f"{k},{n},{30 + 20 * n},60,8,8,{end}\n" for k in (1, 2, 3) for n, end in enumerate(("1,1,0,0", "1,4,0,0"))]
     files = mot("1,1,0,0", "1,4,0,0") | {"gt/gt.txt": "".join(rows)}
@@ -137,6 +186,7 @@ def test_labels_are_of_the_same_classes_as_detections(flight):
         (coco({"score": 0.2}), {"least_score": 0.5}, "3 with a score below 0.5; so nobody is left"),
         (mot("1,1,1"), {"classes": "pedestian"}, "--classes: 'pedestian' is unknown; allowed are bicycle, car, "),
         (mot("1,1,1"), {"classes": "pedestian"}, "did you mean pedestrian?"),
+        (coco(*of(1), categories=GROUPS), {"classes": "vehicles"}, "did you mean vehicle?"),
         (mot("1"), {"classes": "person"}, "--classes: the detections of this flight have no classes"),
         (mot("-1"), {"least_score": 0.5}, "--least-score: the detections of this flight have no scores"),
         (mot("1,-1,-1,-1") | {"det/det.txt": "1,-1,-1,-1,-1,-1,1,-1,-1,-1\n"}, {}, "and there is no place x, y on the"),

@@ -134,6 +134,48 @@ def test_frames_beyond_a_link_are_left_out_with_a_remark(tmp_path, span, link):
         np.testing.assert_allclose(one[0].measurements, other[0].measurements, atol=1e-9)
 
 
+def mount(child, parent):
+    """A transform that stays what it is."""
+    return TRANSFORMS, {0.0: transform(0.0, [0.2, 0.0, -0.1, *DOWN], child, parent)}
+
+
+APART = {  # frame of odometry, how far it flies, topics, and the frame that has no link to it
+    "no tf": ("base_link", 3.0, {}, "optical"),
+    "no tf of a hover": ("base_link", 0.0, {}, "optical"),
+    "no name": ("", 3.0, {}, "optical"),
+    "a prefix": ("drone/base_link", 3.0, {"/tf_static": mount("optical", "base_link")}, "base_link"),
+    "a mount alone": ("base_link", 3.0, {"/tf_static": mount("optical", "gimbal")}, "gimbal"),
+}
+
+
+@pytest.mark.parametrize("name", APART)
+def test_odometry_of_a_body_without_a_link_to_the_camera_is_refused_with_the_cure(tmp_path, name):
+    body, speed, more, top = APART[name]
+    topics = fly_alone() | more
+    moved = {t: odometry_of(t, [speed * t, 0.0, 30.0, *DOWN], body) for t in TIMES}
+    topics["/mavros/local_position/odom"] = (ODOMETRY, moved)
+    said = f"/mavros/local_position/odom has poses of {body!r}, to which no tf links {top!r}, which is of the camera; "
+    with pytest.raises(InputError, match=re.escape(f"{said}record /tf_static, too, or give poses of the camera")):
+        read_flight(write(tmp_path / "bag", topics))
+    (tmp_path / "poses.csv").write_text("\n".join(["time_s,x_m,y_m,z_m", *(f"{t},{4 * t},0,30" for t in TIMES)]))
+    np.testing.assert_allclose(read_flight(tmp_path).poses[:, 0, 0], 4 * np.array(TIMES))
+
+
+def test_a_camera_that_tf_places_needs_no_odometry(tmp_path):
+    """As of a gimbal that keeps still in the world while its body sways."""
+    topics = fly_alone()
+    moved = {t: odometry_of(t, [0.04 * t, 0.0, 30.0, *DOWN], "base_link") for t in TIMES}
+    topics["/mavros/local_position/odom"] = (ODOMETRY, moved)
+    topics["/tf"] = (TRANSFORMS, {t: transform(t, [9.0, 0.0, 30.0, *DOWN], "optical", "map") for t in TIMES})
+    assert (read_flight(write(tmp_path / "bag", topics)).poses[:, 0, 0] == 9).all()
+
+
+def test_frames_of_several_uavs_beyond_their_links_are_told_once(tmp_path):
+    topics = {name + topic: told for name in ("/a", "/b", "/c") for topic, told in fly_alone(base=TIMES[2:]).items()}
+    (line,) = [line for line in read_flight(write(tmp_path / "bag", topics)).remarks if "left out" in line]
+    assert "/a: left out: 2 frames before or after poses, which are" in line and "(UAVs 1 and 2 likewise)" in line
+
+
 @pytest.mark.parametrize("kept", [slice(0, 1), slice(4, 6)])
 def test_a_link_that_stays_what_it_is_holds_at_all_times(tmp_path, kept):
     still = fly_alone()
@@ -324,6 +366,8 @@ def test_files_give_what_a_bag_lacks(tmp_path):
                 (folder / name).write_text("\n".join(lines) + axes + "\n")
             log = read_flight(folder)
             np.testing.assert_allclose(log.poses[..., :3], whole.poses[..., :3], atol=1e-9)
+            unused = "cameras: not used: column axes, optical, which are of quaternions in poses.csv; a bag has its own"
+            assert (unused in log.remarks) == ("/camera/camera_info" in lacking and not (folder / "poses.csv").exists())
             found = [scan.measurements for (scan,) in log.scans()]
             np.testing.assert_allclose(found, [scan.measurements for (scan,) in whole.scans()], atol=1e-9)
     body = {t: odometry_of(t, [3.0 * t, 0.0, 30.0, *DOWN], "base_link") for t in TIMES}
@@ -331,7 +375,9 @@ def test_files_give_what_a_bag_lacks(tmp_path):
     (folder / "poses.csv").unlink()
     (folder / "cameras.csv").write_text("\n".join(files["/camera/camera_info"]["cameras.csv"]))
     write(folder / "bag", {"/odom": (ODOMETRY, body)})
-    with pytest.raises(InputError, match=r"has no sensor_msgs/CameraInfo, whose header .* frames are 'base_link'"):
+    with pytest.raises(
+        InputError, match=r"has no sensor_msgs/CameraInfo, whose header .* frames are 'base_link'; poses.csv"
+    ):
         read_flight(folder)
 
 

@@ -169,6 +169,46 @@ def test_a_camera_says_which_edge_its_angle_is_over(flight, name):
     assert remark in told[0] if remark else not told
 
 
+LENS = "width = 1920\nheight = 1080\nhfov_deg = 65.8"
+BESIDE = {  # columns beside that of the camera's file, which has 1080 pixels over 40 degrees, and what contradicts it
+    ("fov_deg", "pixels"): [
+        "40,1080,",
+        "66,1920,",
+        "65.8,,",
+        ",,",
+        "40,,fov_deg",
+        "84,1920,fov_deg",
+        "65.8,4000,pixels",
+    ],
+    ("width_px", "height_px"): ["1920,1080,", "1280,720,width_px", "1920,1200,height_px"],
+    ("hfov_deg", "width_px"): ["65.8,1920,", "40,,hfov_deg"],
+}
+
+
+@pytest.mark.parametrize("columns", BESIDE)
+def test_columns_beside_a_camera_of_a_file_agree_with_it_or_are_refused(flight, columns):
+    seen = {**STILL, "detections": ["time_s,x_m,y_m", "0,1,2"], "lens_toml": [LENS]}
+    plain = read_flight(flight(**seen | {"cameras": ["camera", "lens.toml"]}))
+    for *entries, wrong in (row.split(",") for row in BESIDE[columns]):
+        folder = flight(**seen | {"cameras": [",".join([*columns, "camera"]), ",".join([*entries, "lens.toml"])]})
+        if wrong:
+            with pytest.raises(InputError, match=rf"line 2, column {wrong}: .* is not that of the camera, which has"):
+                read_flight(folder)
+        else:
+            log = read_flight(folder)
+            assert log.cameras == plain.cameras and log.remarks == plain.remarks
+
+
+def test_what_is_given_and_not_used_is_told(flight):
+    exact = [f"{SEEN},xx_m2,xy_m2,yy_m2", *walk(CLOCKS[0], 0, 0.01, 0, 0.01), *walk(CLOCKS[1], 1, 0.01, 0, 0.01)]
+    told = read_flight(flight(detections=exact), sigma=1.5).remarks
+    assert "--sigma: not used: all detections have covariances of their own" in told
+    some = [line.replace(",0.01,0,0.01", ",,,") if k % 7 else line for k, line in enumerate(exact)]
+    assert not any("--sigma" in line for line in read_flight(flight(detections=some), sigma=1.5).remarks)
+    told = read_flight(flight(images=["time_s,uav,file", "0,0,a.png"])).remarks
+    assert "detections: not used: images.csv, as there is detections.csv" in told
+
+
 def above(row, header=PLACES[1]):
     """Lines of two poses of each UAV, from a row with the time {t} and the UAV {i}."""
     return {"poses": [header, *(row.format(t=t, i=i) for t in (0, 9) for i in (0, 1))]}
@@ -207,6 +247,10 @@ REFUSED = {
     "columns qx, qy, qz, qw belong together; one": {**STILL, "poses": [f"{PLACES[0]},qx,qy", "0,1,2,20,0,0"]},
     "column height_px is missing": {**STILL, "cameras": ["hfov_deg,width_px", "60,1920"]},
     "line 2: fov_deg: 0.0 is not allowed": {**STILL, "cameras": ["fov_deg,pixels,width_px,height_px", "0,9,18,9"]},
+    "line 2, column pixels: 4000 is not that of the camera, which has 1920; leave it out": {
+        **STILL,
+        "cameras": ["hfov_deg,pixels,width_px,height_px", "65,4000,1920,1080"],
+    },
     "scale: 1 gives images of 6000 pixels": {
         **STILL,
         "cameras": ["fov_deg,pixels,width_px,height_px", "60,4000,6000,4000"],
