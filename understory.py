@@ -76,7 +76,8 @@ from tracking.fusion.message import Message
 from tracking.fusion.rule import Contribution, FusionRule, KullbackLeiblerAverage, LocalBeliefs
 from tracking.fusion.tracker_check import check_tracker
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
+from tracking.geometry.leaf_gaps import detectability, detectable_share
+from tracking.geometry.line_of_sight import Grid, free_share
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, visible_samples
 from tracking.metrics.ospa import gospa, ospa
@@ -169,6 +170,7 @@ __all__ = [  # noqa: RUF022 - grouped by who needs the names
     "Term",
     "aim_point",
     "decide_own_plan",
+    "detectability",
     "detectable_share",
     "expect_plans",
     "free_share",

@@ -38,6 +38,19 @@ class ScanPrediction(NamedTuple):
         return ScanPrediction(self.means[rows], self.covariances[rows], undetected, *rest)
 
 
+class Measured(NamedTuple):
+    """N measurements of a scan, and what is known of their places."""
+
+    places: Array  # (N, 2) m
+    covariances: Array  # (N, 2, 2) m²
+    shares: Array  # (N,), probability that enough of a person there shows through leaves to detect them
+    lost: Array  # (N,) 1/m², density of lost people away from their tracks
+
+    def select(self, columns: Indices) -> Measured:
+        """Some of the measurements."""
+        return Measured(*(each[columns] for each in self))
+
+
 class ScanUpdate(NamedTuple):
     """Beliefs of T tracks after a scan, and the association of its N measurements.
 
@@ -86,20 +99,19 @@ def _compute_unresolved_probability(means: Array, existence: Array) -> Array:
     return _UNRESOLVED * nearest
 
 
-def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
+def update_scan(before: ScanPrediction, found: Measured, p: TrackerParameters) -> ScanUpdate:
     """Associate a scan's measurements with tracks, and update the tracks.
 
     Large scenes are updated by independent gating batches. The result is the same, up to the rounding of existence.
-    z (N, 2) m and R (N, 2, 2) m²: measurements and their covariances; lost (N,): density of lost people as in
-    `associate`.
     """
+    z, R = found.places, found.covariances
     count = len(before.means)
     if count * len(z) <= _AT_ONCE:
-        return _update_beliefs(before, z, R, lost, p.association)
+        return _update_beliefs(before, found, p.association)
     means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
     explained, gates, weights = np.zeros(len(z), np.bool_), [], []
     for rows, columns in find_gating_batches(before.means, before.covariances, z, R, p.measurement_gate):
-        part = _update_beliefs(before.select(rows), z[columns], R[columns], lost[columns], p.association)
+        part = _update_beliefs(before.select(rows), found.select(columns), p.association)
         means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
         missed[rows], explained[columns] = part.missed, part.explained
         gates.append(np.column_stack([rows[part.gates[:, 0]], columns[part.gates[:, 1]]]))
@@ -110,34 +122,36 @@ def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
 
 @compiled
 def associate(
-    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: AssociationSettings
+    before: ScanPrediction, found: Measured, settings: AssociationSettings
 ) -> tuple[Array, Array, Array, Array]:
     """Associate measurements with tracks.
 
-    z (N, 2) m and R (N, 2, 2) m²: measurements and their covariances; lost (N,) 1/m²: density of lost people away from
-    their tracks at each measurement, which adds to the density of clutter. That is equivalent to lower likelihoods.
+    The density of lost people whom the scan detects adds to that of clutter, which is equivalent to lower likelihoods.
     Returns the likelihood (T, N) 1/m² of each measurement for each track, zero outside the gate, and the results of
     `tracking.association.jpda.existence_association`.
     """
     clutter = settings.clutter_density
+    z, R, shares, lost = found
     likelihood = gated_likelihood(before.means, before.covariances, z, R, settings.gate_probability)
-    # The view is free at a measurement, so only the probability of a miss depends on the whole belief. Thus a person
-    # that leaves the cover of a tree earlier than predicted is detected at once.
+    # No opaque tree hides the place of a measurement, so only the probability of a miss depends on the whole belief.
+    # Thus a person that leaves the cover of a tree earlier than predicted is detected at once. Under leaves a person
+    # is measured with the probability that enough shows there: the place of the measurement, not that of the belief.
     chances = np.full((len(likelihood), len(z) + 1), settings.detection_probability * settings.gate_probability)
     for t in range(len(likelihood)):
         chances[t, 0] *= before.detectable[t]
         for j in range(len(z)):
-            likelihood[t, j] *= clutter / (clutter + lost[j])
+            chances[t, j + 1] *= shares[j]
+            likelihood[t, j] *= clutter / (clutter + shares[j] * lost[j])
     return likelihood, *existence_association(likelihood, chances, clutter, before.existence)
 
 
-def _update_beliefs(
-    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: AssociationSettings
-) -> ScanUpdate:
+def _update_beliefs(before: ScanPrediction, found: Measured, settings: AssociationSettings) -> ScanUpdate:
     # Compiled in parts, because code that calls code is compiled with it once more.
-    likelihood, beta, given, existence = associate(before, z, R, lost, settings)
-    means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
-    pairs = _list_gates(before, likelihood, beta, (means, covariances), settings)
+    likelihood, beta, given, existence = associate(before, found, settings)
+    predicted = before.means, before.covariances
+    means, covariances = mixture_update(predicted, before.undetected, found.places, found.covariances, given)
+    densities = likelihood * found.shares
+    pairs = _list_gates(before, densities, beta, (means, covariances), settings)
     return ScanUpdate(means, covariances, existence, beta[:, 0].copy(), *pairs)
 
 

@@ -14,12 +14,12 @@ from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanE
 from tracking.fusion.message import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, Message, is_new_id, new_id
 from tracking.geometry.camera import Camera
 from tracking.geometry.lens import Lens
-from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
+from tracking.geometry.visibility import SAMPLES, Forest, at_target_height, visible_samples
 from tracking.management.deletion import count_misses, find_duplicates, find_outcompeted
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.management.input_check import check_scan, check_tracks
 from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks, turned_density
-from tracking.measurement_update import predict_scan, update_scan
+from tracking.measurement_update import Measured, predict_scan, update_scan
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
@@ -132,7 +132,8 @@ class Tracker:
         likelihood = miss_likelihood(*beliefs, views, since, p.settings.detection_probability)
         before = predict_scan(beliefs, table.existence, views[:, THIS_FRAME], likelihood, p)
         turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
-        after = update_scan(before, z, R, turned, p)
+        shares = self._forest.detectabilities_through_leaves(lens, at_target_height(z))
+        after = update_scan(before, Measured(z, R, shares, turned), p)
         self.account.association = Association(table.ids, before, z, R, after)
         self._evidence = ScanEvidence(beliefs, z, after.gates)
         if self._registration:

@@ -8,6 +8,7 @@ import numpy as np
 
 from planning.planner import Vehicle
 from tracking.geometry.camera import ALL_ROUND, Camera
+from tracking.geometry.lens import focal_length
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.quaternions import rotation
 from tracking.numerics.arrays import Array
@@ -58,9 +59,10 @@ def viewing_range(vehicle: Vehicle) -> float:
 
 
 def view_quadrangle(vehicle: Vehicle) -> Array:
-    """The field of view (5, 3): four half-planes (a, b, c) and, in the last row, x and y [m] of its aim point.
+    """The field of view (5, 3): four half-planes (a, b, c) and, in the last row, its aim point and a pixel there.
 
-    A point (dx, dy) m from the vehicle is inside if a dx + b dy <= c for all four; (a, b) has length 1. A camera
+    The last row has x and y [m] of the aim point, and the edge [m] of a pixel there across the optical axis, which is 0
+    for all round. A point (dx, dy) m from the vehicle is inside if a dx + b dy <= c for all four; (a, b) has length 1. A camera
     sees points between its `bounds` times their depth; at constant height that is linear. The view
     through a lens has bent edges: this is the upright rectangle inside it, so every point in it is seen.
     """
@@ -85,5 +87,6 @@ def _find_view(camera: Camera, height: float, quaternion: bytes) -> _GroundView:
         normal = sign * R[:, axis] + slope * R[:, 2]
         size = hypot(normal[0], normal[1])
         out[k] = normal[0] / size, normal[1] / size, height * normal[2] / size
-    out[4] = *aim, 0.0
+    depth = height * R[2, 2] - aim[0] * R[0, 2] - aim[1] * R[1, 2]
+    out[4] = *aim, depth / focal_length(camera.optics)
     return _GroundView(aim, float(np.max(length(_find_points(camera, height, attitude, _CORNERS)))), out)

@@ -10,7 +10,8 @@ from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
-from tracking.geometry.line_of_sight import Vector, lower_detectable_shares
+from tracking.geometry.leaf_gaps import lower_detectabilities
+from tracking.geometry.line_of_sight import Vector
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -175,16 +176,16 @@ def add_information(
 def _find_visible_shares(
     point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array
 ) -> bool:
-    """Set `free` (LANES,) to the detectable share of a point for cameras (2, LANES) m at a height; True if any sees it.
+    """Set `free` (LANES,) to the detectability of a point for cameras (2, LANES) m at a height; True if any sees it.
 
-    view (5, 3): field of view of the cameras; blockers (B, 6): cylinders that may hide the point.
+    view (5, 3): field of view of the cameras, with a pixel's edge; blockers (B, 6): cylinders that may hide the point.
     """
     east, north, some = cameras[0], cameras[1], 0
     for lane in range(LANES):
         near = inside(view, point[0] - east[lane], point[1] - north[lane])
         free[lane] = 1.0 if near else 0.0
         some += near
-    return some > 0 and some > lower_detectable_shares(free, cameras, height, point, blockers)
+    return some > 0 and some > lower_detectabilities(free, cameras, height, point, view[4, 2], blockers)
 
 
 @inlined

@@ -17,7 +17,7 @@ from sim.mission.tracker_setup import make_initial_tracks
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import encode_scenario
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import at_target_height, detectable_shares
+from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import squared_distance
 from tracking.track import Scan
@@ -91,8 +91,8 @@ def _find_shown(flight: ScannedFlight, uav: int, scan: Scan | None, people: Arra
     if scan is None or not len(people):
         return np.zeros(len(people), dtype=np.bool_)
     points = at_target_height(np.nan_to_num(people))
-    free = detectable_shares(flight.forest.free_shares(scan.pose.position, points)[0])
-    shown = flight.cameras[uav].sees(scan.pose, points) & (free >= 0.5)
+    camera = flight.cameras[uav]
+    shown = camera.sees(scan.pose, points) & (flight.forest.detectabilities(camera.lens(scan.pose), points) >= 0.5)
     return np.asarray(shown & ~np.isnan(people[:, 0]))
 
 

@@ -12,7 +12,7 @@ from sim.sensing.rolling_shutter import Sweep
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
+from tracking.geometry.visibility import Forest, at_target_height
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.plugin_error import PluginError
 from tracking.registration.pose_errors import move_to_believed
@@ -135,8 +135,8 @@ class SensorMode(Protocol):
 class LineOfSightMode:
     """The paper's Assumption 1 without images: UAVs detect exactly the people in view who are not hidden.
 
-    People whom porous trees hide in part are detected with the probability of `detectable_share`. The error of each
-    measurement is a sample of the UAV's noise model.
+    People whom porous trees hide in part are detected with the probability of `Forest.detectabilities`. The error of
+    each measurement is a sample of the UAV's noise model.
     """
 
     setup: SensorSetup
@@ -151,7 +151,7 @@ class LineOfSightMode:
         present = ~np.isnan(people[:, 0])
         camera = scenario.true_camera(shot.uav)
         believed = self.setup.cameras[shot.uav]
-        shown = detectable_shares(forest.free_shares(pose.position, points)[0])
+        shown = forest.detectabilities(camera.lens(pose), points)
         least = self.setup.rng.random(len(points)) if forest.is_porous else 0.0
         seen = present & camera.sees(pose, points) & (shown > least)
         ground = people[seen]

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.scenario.random_streams import stream
+from tracking.geometry.leaf_gaps import CLUSTER
 from tracking.geometry.visibility import Solid
 from tracking.numerics.arrays import Array
 from tracking.numerics.poisson import draw_poisson
 from tracking.numerics.trigonometry import cos_each, sin_each
 
-EDGE = 0.8  # m, of a cluster: a flat square, as opaque as a closed crown
 _MOST = 20_000.0  # clusters of a crown, which the engine takes; in a crown that would have more, they are larger
 
 
@@ -32,7 +32,7 @@ class Leaves:
     @property
     def edge(self) -> float:
         """Edge of a cluster [m]."""
-        return max(EDGE, math.sqrt(self.solid.leaf_area_density * self.volume / _MOST))
+        return max(CLUSTER, math.sqrt(self.solid.leaf_area_density * self.volume / _MOST))
 
     @property
     def reach(self) -> float:

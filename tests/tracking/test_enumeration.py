@@ -6,13 +6,14 @@ import math
 import numpy as np
 import pytest
 from helpers.scenes import ABOVE, ALONE, AWAY, MOTION, H, tracker
+from helpers.views import CAMERA
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import ALL_ROUND, Camera
-from tracking.geometry.visibility import Forest
+from tracking.geometry.visibility import Forest, Tree, at_target_height, visible_samples
 from tracking.management.initiation import Tentative, initiate_tracks
-from tracking.measurement_update import associate, predict_scan
+from tracking.measurement_update import Measured, associate, predict_scan
 from tracking.parameters import TrackerParameters
 from tracking.settings import DAY
 from tracking.track import Scan, Track
@@ -62,13 +63,15 @@ def missed(people, visible, p):
     return out
 
 
-def hypotheses(people, scan, misses, p, lost=0.0):
+def hypotheses(people, scan, misses, p, lost=0.0, shares=1.0):
     """Each hypothesis as the measurement of each person, 0 for none and None for no such person, and its weight.
 
-    lost (N,): density at each measurement of people without a track; any other is clutter.
+    lost (N,): density at each measurement of people without a track; any other is clutter. shares (N,): probability
+    that leaves show a person there.
     """
     found = list(zip(scan.measurements, scan.covariances, strict=True))
-    others = p.settings.clutter_density + lost * np.ones(len(found))
+    shares = shares * np.ones(len(found))
+    others = p.settings.clutter_density + lost * shares
     for event in itertools.product((None, *range(len(found) + 1)), repeat=len(people)):
         given = [j for j in event if j]
         if len(set(given)) < len(given):
@@ -83,14 +86,15 @@ def hypotheses(people, scan, misses, p, lost=0.0):
                 weight *= (
                     person.r
                     * p.settings.detection_probability
+                    * shares[j - 1]
                     * person.density(*found[j - 1], p.settings.gate_probability)
                 )
         yield event, weight
 
 
-def after(people, scan, misses, p, lost=0.0):
+def after(people, scan, misses, p, lost=0.0, shares=1.0):
     """People after a scan, each by the moments over all hypotheses with it, and the association probabilities."""
-    every = list(hypotheses(people, scan, misses, p, lost))
+    every = list(hypotheses(people, scan, misses, p, lost, shares))
     total, out = math.fsum(weight for _, weight in every), []
     beta = np.zeros((len(people), len(scan.measurements) + 1))
     for i, person in enumerate(people):
@@ -156,8 +160,10 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
         empty = 1 - p.settings.detection_probability * seen
         before = predict_scan(beliefs, np.array([a.r for a in people]), seen, empty, p)
         lost = 10 ** rng.uniform(-6, 0, len(scan.measurements))
-        _, beta, given, existence = associate(before, scan.measurements, scan.covariances, lost, p.association)
-        people, expected = after(people, scan, missed(people, visible, p), p, lost)
+        shares = rng.uniform(0.0, 1.0, len(scan.measurements)) if rng.random() < 0.5 else np.ones(len(lost))
+        found = Measured(scan.measurements, scan.covariances, shares, lost)
+        _, beta, given, existence = associate(before, found, p.association)
+        people, expected = after(people, scan, missed(people, visible, p), p, lost, shares)
         np.testing.assert_allclose(beta, expected, rtol=0, atol=1e-9)
         np.testing.assert_allclose(existence, [a.r for a in people], rtol=0, atol=1.1e-9)
         assert np.all(given[expected < 1e-15] < 1e-9)
@@ -218,3 +224,28 @@ def test_new_people_are_followed_as_all_hypotheses_say_until_confirmed(seed):
             _, tentative = initiate_tracks(tentative, *measurements, **IN_VIEW, p=p)
             same(tentative[: len(people)], people)
             tentative = tentative[: len(people)]
+
+
+def test_a_track_half_under_leaves_is_as_probable_as_its_person_wherever_it_is_measured():
+    """Of a person who exists with probability 1/2, the mean posterior is the share of draws with a person."""
+    rng, draws = np.random.default_rng(4), 20000
+    p = TrackerParameters(MOTION, clutter_density=0.02, gate_probability=0.9999)
+    forest, lens = Forest((Tree(20.0, 0.0, 20.0, leaf_area_density=1.5),)), CAMERA.lens(ABOVE)  # leaves to the east
+    beliefs = np.zeros((1, 4)), np.diag([1.0, 1.0, 0.1, 0.1])[None]
+    seen = visible_samples(forest, *beliefs, lens)[:, 0]
+    empty = 1.0 - p.settings.detection_probability * seen
+    before = predict_scan(beliefs, np.array([0.5]), seen, empty, p)
+    places = rng.normal(size=(draws, 2))
+    shown = forest.detectabilities(lens, at_target_height(places)) * p.settings.detection_probability
+    exists, errors = rng.random(draws) < 0.5, {"leaves": [], "open": [], "none": []}
+    for place, real, there in zip(places, exists, exists & (rng.random(draws) < shown), strict=True):
+        z = rng.uniform(-4.0, 4.0, (rng.poisson(64 * p.settings.clutter_density), 2))
+        z = np.vstack([z, place + 0.1 * rng.normal(size=(1, 2))]) if there else z
+        shares = forest.detectabilities_through_leaves(lens, at_target_height(z))
+        found = Measured(z, np.tile(0.01 * np.eye(2), (len(z), 1, 1)), shares, np.zeros(len(z)))
+        *_, existence = associate(before, found, p.association)
+        if len(z) < 2:
+            errors["none" if len(z) == 0 else "leaves" if z[0, 0] > 0.0 else "open"].append(real - existence[0])
+    for kind, of in errors.items():
+        assert abs(np.mean(of)) < 0.02 + 3 * np.std(of) / math.sqrt(len(of)), kind
+        assert len(of) > 1000

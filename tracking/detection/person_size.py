@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.geometry.lens import Lens, focal_length, ground_point, image_point, magnification, plane_point
-from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.person import AREA_BY_HEIGHT, AREA_ON_TOP, TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 
@@ -43,5 +43,5 @@ def sizes_at(lens: Lens, pixels: Array) -> Sizes:
             right, down = optics.fx * x, optics.fy * y
         off = (down * cos - right * sin) / focal_length(optics)
         extents[k, 1] *= math.sqrt(1.0 + off * off)
-        areas[k] = scale * (0.2 * scale + 0.22 * height)
+        areas[k] = scale * (AREA_ON_TOP * scale + AREA_BY_HEIGHT * height)
     return Sizes(axes, extents, areas)

@@ -112,6 +112,14 @@ def image_point(lens: Lens, point: tuple[float, float, float]) -> tuple[float, f
 
 
 @inlined
+def pixel_size(lens: Lens, point: tuple[float, float, float]) -> float:
+    """Edge [m] of a pixel at a world point (3,) m, across the optical axis, without distortion; 0 for all round."""
+    r, focal = lens.rotation, focal_length(lens.optics)
+    east, north, up = point[0] - lens.eye[0], point[1] - lens.eye[1], point[2] - lens.eye[2]
+    return -(east * r[0, 2] + north * r[1, 2] + up * r[2, 2]) / focal if focal > 0.0 else 0.0
+
+
+@inlined
 def in_image(point: tuple[float, float, float], lens: Lens) -> bool:
     """Test if a world point (3,) m is inside the image of `Camera.project`, or seen by a view all round."""
     if lens.optics.fx == 0.0:

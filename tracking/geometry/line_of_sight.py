@@ -7,15 +7,12 @@ import numpy as np
 
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
-from tracking.numerics.exponential import exp, power
+from tracking.numerics.exponential import exp
 
 PIECE = 4.0  # m, horizontal length of a piece of a segment; a steep line of sight rises above the trees within it
 _CELL = 2.0  # m, edge of a cell, or more if there would be more than about _CELLS cells
 _CELLS = 250_000
 _MARGIN = 1e-6  # m: far more than rounding moves a point
-# A person shows if one of two parts shows, each of which is free with this power of the free share of the line of sight
-# to the middle. Fitted to the default cameras' images of crowns of 2 and 5 m radius; any pixel gives a detection.
-PART_EXPONENT = 0.555
 
 
 class Grid(NamedTuple):
@@ -169,44 +166,6 @@ def cylinder_of(cylinders: Array, row: int) -> Vector:
     """A row of cylinders (B, 6)."""
     c = cylinders
     return c[row, 0], c[row, 1], c[row, 2], c[row, 3], c[row, 4], c[row, 5]
-
-
-@compiled
-def detectable_share(free: float) -> float:
-    """Probability that enough of a person shows to detect them, given the free share of the line of sight."""
-    return any_of_two(power(free, PART_EXPONENT)) if 0.0 < free < 1.0 else free
-
-
-@inlined
-def any_of_two(part: float) -> float:
-    """Probability that a person shows, given that of either part: free ** `PART_EXPONENT`."""
-    return 1.0 - (1.0 - part) * (1.0 - part)
-
-
-@inlined
-def lower_detectable_shares(shares: Array, cameras: Array, height: float, point: Vector, cylinders: Array) -> int:
-    """Lower shares to the detectable shares of a point for cameras side by side; returns how many become 0.
-
-    The law is that of `detectable_share` and `free_share`, without a raster.
-    shares (L,): 0 or 1 of each camera, changed in place; cameras (2, L) m: their places at one height [m]; point (3,)
-    m; cylinders (B, 6) that may hide the point.
-    """
-    east, north = cameras[0], cameras[1]
-    hidden, porous = 0, False
-    for k in range(len(cylinders)):
-        x, y, radius, bottom, top, extinction = cylinder_of(cylinders, k)
-        cylinder, opaque = (x, y, radius, bottom, top, PART_EXPONENT * extinction), extinction == math.inf
-        porous |= not opaque
-        for lane in range(len(shares) if opaque else 0):
-            if shares[lane] > 0.0 and is_blocked((east[lane], north[lane], height), point, cylinder):
-                shares[lane] = 0.0
-                hidden += 1
-        for lane in range(0 if opaque else len(shares)):
-            if shares[lane] > 0.0:
-                shares[lane] *= exp(-optical_depth((east[lane], north[lane], height), point, cylinder, 0.0, 1.0))
-    for lane in range(len(shares) if porous else 0):
-        shares[lane] = any_of_two(shares[lane])
-    return hidden
 
 
 @compiled

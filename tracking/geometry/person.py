@@ -9,6 +9,10 @@ ENCLOSING_CYLINDER = (0.5, 1.75)  # m, radius and height of an upright cylinder 
 ENCLOSING_RADIUS = 1.1  # m, of a sphere around the middle that encloses a person
 AREA_FROM_ABOVE = 0.27  # m², mean area of a person seen from straight above: that of `SILHOUETTE`
 
+# m² and m: mean area of a person's silhouette from above, and what each metre adds by which the head is seen beside the
+# feet. Fitted to renderings of a walking person at all headings, from nadir to 40 degrees off nadir.
+AREA_ON_TOP, AREA_BY_HEIGHT = 0.2, 0.22
+
 # Mean outline over all headings, as three horizontal circles: height above ground, radius [m].
 OUTLINE = ((0.0, 0.25), (1.4, 0.23), (1.7, 0.08))
 

@@ -7,8 +7,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from tracking.geometry.lens import Lens, in_image
-from tracking.geometry.line_of_sight import Grid, cylinder_of, detectable_share, free_share, make_grid, optical_depth
+from tracking.geometry.leaf_gaps import USUAL_PIXEL, USUAL_SLOPE, detectability, detectable_share
+from tracking.geometry.lens import Lens, in_image, pixel_size
+from tracking.geometry.line_of_sight import Grid, cylinder_of, free_share, make_grid, optical_depth
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
@@ -153,7 +154,7 @@ class Forest:
     def visible(self, cameras: Array, points: Array) -> Flags:
         """Flags (C, N) of points (N, 3) m where cameras (C, 3) m see a person in view with probability 1/2 or more.
 
-        Without porous trees, these are the unobstructed lines.
+        Without porous trees, these are the unobstructed lines. Else cameras are taken to have the usual pixels.
         """
         return detectable_shares(self.free_shares(cameras, points)) >= 0.5
 
@@ -164,6 +165,26 @@ class Forest:
         """
         origins, ends = (np.ascontiguousarray(np.atleast_2d(x), dtype=float) for x in (cameras, points))
         return _find_free_shares(origins, ends, self.blockers, self.grid)
+
+    def detectabilities(self, lens: Lens, points: Array) -> Array:
+        """Probabilities (N,) that enough of people at points (N, 3) m shows to a camera to detect them.
+
+        Points in or out of the image are the same; see `tracking.geometry.leaf_gaps.detectability`.
+        """
+        return _find_detectabilities(lens, np.ascontiguousarray(points, dtype=float), self.blockers, self.grid)
+
+    def detectabilities_through_leaves(self, lens: Lens, points: Array) -> Array:
+        """`detectabilities` (N,) if there were only the porous solids."""
+        leaves, grid = self._leaves
+        if len(leaves) == 0:
+            return np.ones(len(points))
+        return _find_detectabilities(lens, np.ascontiguousarray(points, dtype=float), leaves, grid)
+
+    @cached_property
+    def _leaves(self) -> tuple[Array, Grid]:
+        """The porous `blockers` (B, 6), and a grid over them."""
+        porous = self.blockers[np.isfinite(self.blockers[:, 5])]
+        return porous, make_grid(porous)
 
     def shares_hidden(self, camera: Array, points: Array) -> Array:
         """Share (N, T) of each line from a camera (3,) m to points (N, 3) m that each tree hides by itself."""
@@ -183,6 +204,16 @@ def _find_free_shares(cameras: Array, points: Array, cylinders: Array, grid: Gri
 
 
 @compiled
+def _find_detectabilities(lens: Lens, points: Array, cylinders: Array, grid: Grid) -> Array:
+    """Probabilities (N,) that people at points (N, 3) among cylinders (B, 6) show, in or out of the image."""
+    out = np.empty(len(points))
+    for j in range(len(points)):
+        point = points[j, 0], points[j, 1], points[j, 2]
+        out[j] = detectability(lens.eye, point, pixel_size(lens, point), cylinders, grid)
+    return out
+
+
+@compiled
 def _find_shares_hidden(camera: Array, points: Array, cylinders: Array, tree_of: Indices, trees: int) -> Array:
     """Shares (N, T) of segments from a camera (3,) to points (N, 3) that trees, `tree_of` cylinders (B, 6), hide."""
     free, eye = np.ones((len(points), trees)), (camera[0], camera[1], camera[2])
@@ -194,13 +225,17 @@ def _find_shares_hidden(camera: Array, points: Array, cylinders: Array, tree_of:
     return 1.0 - free
 
 
+def detectable_shares(free: Array, pixel: float | Array = USUAL_PIXEL, slope: float | Array = USUAL_SLOPE) -> Array:
+    """`detectable_share` of arrays that broadcast."""
+    return _find_detectable_shares(free, pixel, slope)
+
+
 @elementwise
 @compiled
-def detectable_shares(free: Array) -> Array:
-    """`detectable_share` of an array."""
+def _find_detectable_shares(free: Array, pixel: Array, slope: Array) -> Array:
     out = np.empty(len(free))
     for k in range(len(free)):
-        out[k] = detectable_share(free[k])
+        out[k] = detectable_share(free[k], pixel[k], slope[k])
     return out
 
 
@@ -250,6 +285,7 @@ def _see_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid:
             x = means[i, 0] + roots[i, 0, 0] * SAMPLES[k, 0]
             y = means[i, 1] + (roots[i, 1, 0] * SAMPLES[k, 0] + roots[i, 1, 1] * SAMPLES[k, 1])
             point = x, y, TARGET_HEIGHT
-            free = free_share(lens.eye, point, cylinders, grid) if in_image(point, lens) else 0.0
-            seen[i, k] = detectable_share(free) > THRESHOLDS[k]
+            shown = in_image(point, lens)
+            shows = detectability(lens.eye, point, pixel_size(lens, point), cylinders, grid) if shown else 0.0
+            seen[i, k] = shows > THRESHOLDS[k]
     return seen

@@ -8,8 +8,8 @@ from tracking.account import Origin
 from tracking.filter.kalman import Gaussian
 from tracking.filter.motion import predict_steps
 from tracking.geometry.lens import Lens
-from tracking.geometry.visibility import Forest, visible_samples
-from tracking.measurement_update import ScanPrediction, ScanUpdate, update_scan
+from tracking.geometry.visibility import Forest, at_target_height, visible_samples
+from tracking.measurement_update import Measured, ScanPrediction, ScanUpdate, update_scan
 from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
@@ -53,7 +53,9 @@ def initiate_tracks(
     """
     if not tentative and not len(z):
         return [], []
-    after = update_scan(_predict(tentative, elapsed, forest, lens, p), z, R, np.zeros(len(z)), p)
+    shares = forest.detectabilities_through_leaves(lens, at_target_height(z))
+    before = _predict(tentative, elapsed, forest, lens, p)
+    after = update_scan(before, Measured(z, R, shares, np.zeros(len(z))), p)
     grown = []
     for t, track in enumerate(tentative):
         j = _find_likeliest(after, t)

@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers.nominal import GAINS, information, nominal
-from helpers.porous import make_porous
+from helpers.porous import make_porous, plain_detectabilities
 
 from planning.objective.nbo import make_objective
+from planning.prediction.field_of_view import view_quadrangle
 from tracking.filter.kalman import Gaussian
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import detectable_shares
 
 WALKING = MeanRevertingVelocity(1.0, 0.5, walking_speed=1.75, scans=5)
 
@@ -30,7 +30,7 @@ def plain(situation, controls):
                 place = v.position[:2] + situation.step * flown[: step + 1].sum(axis=0)
                 camera = np.array([*place, v.position[2]])
                 seen = v.camera.sees(Pose(camera, v.attitude), point)[0]
-                share = seen * detectable_shares(situation.forest.free_shares(camera, point))[0, 0]
+                share = seen * plain_detectabilities(situation.forest, camera, point, view_quadrangle(v)[4, 2])[0]
                 if share > 0.0:
                     rows.append((step, v.noise.covariance(place, point[:2]) / share))
         C, R = np.zeros((2 * len(rows), 2 * len(rows))), np.eye(2 * len(rows))

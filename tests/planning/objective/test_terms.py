@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from helpers.flights import fly
-from helpers.porous import make_porous
+from helpers.porous import make_porous, plain_detectabilities
 from helpers.teams import planned, refitted
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
@@ -25,7 +25,6 @@ from planning.prediction.intent import expect_plans
 from planning.prediction.quadrangle import shortest_move
 from planning.prediction.response import camera_paths
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import detectable_shares
 from tracking.undetected import Intensity
 
 NONE = Intensity(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))
@@ -43,8 +42,9 @@ def found(situation, uav, place):
     camera = np.array([*place, vehicle.position[2]])
     view = view_quadrangle(vehicle)
     shown = np.all((points[..., :2] - place) @ view[:4, :2].T <= view[:4, 2], axis=-1)
-    free = situation.forest.free_shares(camera[None], points.reshape(-1, 3)).reshape(600, 4)
-    return 0.99 * (shown * detectable_shares(free)).mean(axis=1)
+    shows = np.zeros(shown.shape)
+    shows[shown] = plain_detectabilities(situation.forest, camera, points[shown], view[4, 2])
+    return 0.99 * shows.mean(axis=1)
 
 
 def transcribed(situation, controls, uavs, candidate):

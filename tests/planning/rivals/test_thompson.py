@@ -4,16 +4,15 @@ import dataclasses
 import math
 
 import numpy as np
-from helpers.porous import make_porous
+from helpers.porous import make_porous, plain_detectabilities
 from helpers.teams import refitted
 from scipy.stats import chisquare, norm, skellam
 
 from planning.planner import Plan
-from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
+from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
 from planning.rivals.thompson import DrawnWorld, Thompson, draw_world
 from tracking.geometry.camera import Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import detectable_shares
 from tracking.undetected import Intensity
 
 
@@ -76,7 +75,7 @@ def plain_goal(planner, situation, world):
             point = np.array([*state[:2] + steps * state[2:], TARGET_HEIGHT])
             camera = np.array([*place, own.position[2]])
             if own.camera.sees(Pose(camera, own.attitude), point)[0]:
-                share = detectable_shares(situation.forest.free_shares(camera, point))[0, 0]
+                share = plain_detectabilities(situation.forest, camera, point, view_quadrangle(own)[4, 2])[0]
                 total += share * min(np.hypot(*(error[:2] + steps * error[2:])), planner.cutoff)
         rates.append(total / steps)
     return places[int(np.argmax(rates))], max(rates)

@@ -23,7 +23,7 @@ from tracking.detection.detector import Frame
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest, Tree, detectable_shares
+from tracking.geometry.visibility import Forest, Tree
 
 OPEN = Forest(())
 ALTITUDES = [uav.altitude for uav in DEFAULT_FLEET]
@@ -83,7 +83,7 @@ def test_ideal_sensing_detects_people_under_porous_trees_as_often_as_enough_of_t
         subject = sensors(setting, world, forest)
         found = np.mean([take(subject, Shot(0, 0, 0.0, pose, people)).matched for _ in range(400)], axis=0)
     points = np.column_stack([people, np.full(200, TARGET_HEIGHT)])
-    expected = detectable_shares(forest.free_shares(pose.position, points)[0])
+    expected = forest.detectabilities(subject.cameras[0].lens(pose), points)
     assert np.all(np.abs(found - expected) <= 4.5 * np.sqrt(expected * (1 - expected) / 400))
     assert np.sum((expected > 0.1) & (expected < 0.9)) > 50
 

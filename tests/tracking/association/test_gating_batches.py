@@ -7,10 +7,11 @@ from helpers.scenes import MOTION, R
 from tracking import measurement_update as correction
 from tracking.association.gating_batches import find_gating_batches
 from tracking.association.jpda import gated_likelihood
-from tracking.measurement_update import ScanPrediction, update_scan
+from tracking.measurement_update import Measured, ScanPrediction, update_scan
 from tracking.parameters import TrackerParameters
 
 PARAMETERS = TrackerParameters(MOTION, clutter_density=1e-3)
+SHARES = np.random.default_rng(6).uniform(0.0, 1.0, 1000)  # of people that leaves leave free there
 LOST = np.random.default_rng(5).uniform(0.0, 2e-3, 1000)  # 1/m², at each measurement
 
 
@@ -38,10 +39,10 @@ def test_a_scan_in_batches_gives_the_tracks_of_the_whole_scan(side, certain, mon
         before, z, noise = scene(rng, people, side)
         before = before._replace(existence=np.ones(people)) if certain else before
         assert people * len(z) > correction._AT_ONCE
-        batchwise = update_scan(before, z, noise, LOST[: len(z)], PARAMETERS)
+        batchwise = update_scan(before, Measured(z, noise, SHARES[: len(z)], LOST[: len(z)]), PARAMETERS)
         with monkeypatch.context() as patch:
             patch.setattr(correction, "_AT_ONCE", people * len(z))
-            whole = update_scan(before, z, noise, LOST[: len(z)], PARAMETERS)
+            whole = update_scan(before, Measured(z, noise, SHARES[: len(z)], LOST[: len(z)]), PARAMETERS)
         for name in ("means", "covariances", "existence", "missed", "explained"):
             ours, theirs = getattr(batchwise, name), getattr(whole, name)
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=0.0 if certain else 1e-12, err_msg=name)
@@ -65,7 +66,7 @@ def test_no_measurement_is_in_a_gate_of_another_batch(side):
 
 def test_a_scan_without_measurements_leaves_what_was_predicted():
     before, _, _ = scene(np.random.default_rng(0), 150, 100.0)
-    after = update_scan(before, np.zeros((0, 2)), np.zeros((0, 2, 2)), LOST[:0], PARAMETERS)
+    after = update_scan(before, Measured(np.zeros((0, 2)), np.zeros((0, 2, 2)), SHARES[:0], LOST[:0]), PARAMETERS)
     np.testing.assert_array_equal(after.means, before.means)
     np.testing.assert_array_equal(after.covariances, before.covariances)
     assert np.all(after.missed == 1.0) and after.gates.shape == (0, 2)

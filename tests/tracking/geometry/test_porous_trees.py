@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.porous import make_porous, sampled_share
+from helpers.porous import make_porous, plain_detectabilities, sampled_share
 from helpers.views import CAMERA
 
 from tracking.geometry.camera import Pose
-from tracking.geometry.line_of_sight import detectable_share, lower_detectable_shares
+from tracking.geometry.leaf_gaps import detectable_share, lower_detectabilities
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import (
     SAMPLE_VARIANCE,
@@ -110,8 +110,9 @@ def test_the_law_for_cameras_side_by_side_is_that_for_one_and_trees_hide_shares_
         expected = forest.free_shares(cameras, points)
         for j, point in enumerate(points):
             found = np.ones(len(cameras))
-            hidden = lower_detectable_shares(found, cameras.T[:2].copy(), 18.0, tuple(point), forest.blockers)
-            np.testing.assert_allclose(found, detectable_shares(expected[:, j]), rtol=1e-12, atol=1e-12)
+            hidden = lower_detectabilities(found, cameras.T[:2].copy(), 18.0, tuple(point), 0.1, forest.blockers)
+            plain = [plain_detectabilities(forest, camera, point, 0.1)[0] for camera in cameras]
+            np.testing.assert_allclose(found, plain, rtol=1e-9, atol=1e-9)
             assert hidden == np.sum(expected[:, j] == 0.0)
         for i, camera in enumerate(cameras):
             each = forest.shares_hidden(camera, points)
@@ -145,6 +146,6 @@ def test_as_many_samples_show_as_people_are_detected_and_other_frames_from_there
         views = visible_samples(forest, *belief, lens, lens)
         assert np.array_equal(views[:, 0], views[:, 1])
         drawn = np.column_stack([rng.multivariate_normal(mean, belief[1][0], 2000), np.full(2000, TARGET_HEIGHT)])
-        truth = CAMERA.sees(pose, drawn) * detectable_shares(forest.free_shares(pose.position, drawn)[0])
+        truth = CAMERA.sees(pose, drawn) * forest.detectabilities(lens, drawn)
         errors.append(views[:, 0].mean() - truth.mean())
     assert abs(np.mean(errors)) < 0.01 and np.sqrt(np.mean(np.square(errors))) < 0.07

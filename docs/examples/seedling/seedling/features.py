@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seedling.weights import PAIR_FEATURES, PLACE_FEATURES
-from understory import TARGET_HEIGHT, Array, Grid, compiled, detectable_share, free_share, inside, shortest_move
+from understory import TARGET_HEIGHT, Array, Grid, compiled, detectability, inside, shortest_move
 
 _ASIDE = ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  # standard deviations from a track's mean
 _NEAR = 10.0  # m: UAVs nearer than this to one another, and tracks in a group
@@ -41,7 +41,7 @@ def share_seen(view: View, uav: int, camera: tuple[float, float, float], t: int,
     for a, b in _ASIDE:
         px, py = x + a * track[4], y + b * track[5]
         if inside(view.views[uav], px - camera[0], py - camera[1]):
-            seen += detectable_share(free_share(camera, (px, py, TARGET_HEIGHT), view.cylinders, view.grid))
+            seen += detectability(camera, (px, py, TARGET_HEIGHT), view.views[uav, 4, 2], view.cylinders, view.grid)
     return seen / len(_ASIDE)
 
 
