@@ -62,9 +62,9 @@ def view_quadrangle(vehicle: Vehicle) -> Array:
     """The field of view (5, 3): four half-planes (a, b, c) and, in the last row, its aim point and a pixel there.
 
     The last row has x and y [m] of the aim point, and the edge [m] of a pixel there across the optical axis, which is 0
-    for all round. A point (dx, dy) m from the vehicle is inside if a dx + b dy <= c for all four; (a, b) has length 1. A camera
-    sees points between its `bounds` times their depth; at constant height that is linear. The view
-    through a lens has bent edges: this is the upright rectangle inside it, so every point in it is seen.
+    for all round. A point (dx, dy) m from the vehicle is inside if a dx + b dy <= c for all four; (a, b) has length 1.
+    A camera sees points between its `bounds` times their depth; at constant height that is linear. The view through a
+    lens has bent edges: this is the upright rectangle inside it, so every point in it is seen.
     """
     return _view_of(vehicle).quadrangle.copy()
 

@@ -112,7 +112,7 @@ def _find_quarter(point: Vector, k: int) -> tuple[float, float, float]:
 def _find_slope(origin: Vector, point: Vector) -> float:
     """Horizontal over vertical distance of two points (3,) m."""
     dx, dy, dz = point[0] - origin[0], point[1] - origin[1], abs(point[2] - origin[2])
-    return math.sqrt(dx * dx + dy * dy) / max(dz, 1e-9)
+    return float(math.sqrt(dx * dx + dy * dy) / max(dz, 1e-9))
 
 
 @inlined

@@ -82,7 +82,10 @@ def test_a_level_camera_sees_a_square_with_moves_along_each_axis():
     for fov, height in ((60.0, 17.3), (75.0, 21.7), (33.3, 8.1)):
         v = vehicle(fov=fov, height=height)
         half = (height - TARGET_HEIGHT) * tan(math.radians(fov) / 2)
-        np.testing.assert_array_equal(view_quadrangle(v), squares([half])[0])
+        view = view_quadrangle(v)
+        assert view[4, 2] == pytest.approx(2 * half / 128, rel=1e-12)  # edge of a pixel
+        view[4, 2] = 0.0
+        np.testing.assert_array_equal(view, squares([half])[0])
         assert radius_in_view(view_quadrangle(v)) == viewing_range(v) / math.sqrt(2)  # so recordings stay as they are
     rng, half = np.random.default_rng(3), 11.27
     for target in rng.uniform(-30, 30, (200, 2)):

@@ -58,7 +58,8 @@ def detected_people(frames, density, view, seed):
 def check_bins(rows, fewest):
     """Both detectors detect people of each range of free shares as often as expected.
 
-    That is to 0.08, beyond three standard errors. Ranges with fewer people than `fewest` are left out; returns how many are not.
+    That is to 0.08, beyond three standard errors. Ranges with fewer people than `fewest` are left out; returns how many
+    are not.
     """
     checked = 0
     for low, high in pairwise(BINS):
