@@ -18,6 +18,7 @@ from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.definition import read_study
 from sim.study.store import read_rows
 from sim.study.trials import TrialRow
+from tracking.numerics.arrays import Array
 
 PICTURE = Path(__file__).parent / "media" / "flights.png"
 STUDY = read_study("flights")
@@ -34,21 +35,35 @@ COLOURS = ("#d55e00", "#0072b2", "#009e73")
 
 def estimate(rows: Sequence[TrialRow]) -> dict[tuple[str, str], list[Estimate]]:
     """Mean of each metric over the maps, by flight and tracker, with its interval."""
+    return {place: estimate_means(maps) for place, maps in list_values(rows).items()}
+
+
+def list_values(rows: Sequence[TrialRow]) -> dict[tuple[str, str], Array]:
+    """Values (maps, metrics) of each metric, by flight and tracker."""
     found: dict[tuple[str, str], dict[int, list[float]]] = {}
     for row in rows:
         place, values = dict(row.factors), [row.metrics.get(metric.name, math.nan) for metric in METRICS]
         found.setdefault((place["flight"], place["pose_errors"]), {})[row.seed] = values
-    return {place: estimate_means(np.array(list(maps.values()))) for place, maps in found.items()}
+    return {place: np.array(list(maps.values())) for place, maps in found.items()}
 
 
-def write_table(found: dict[tuple[str, str], list[Estimate]]) -> str:
-    """A line a flight, a column a tracker: mean GOSPA [m], in brackets share of scans with OSPA under 1 m [%], NEES."""
+def write_table(values: dict[tuple[str, str], Array]) -> str:
+    """A line a flight, a column a tracker: mean GOSPA [m], in brackets share of scans with OSPA under 1 m [%], NEES.
+
+    Of NEES: mean over the maps, median and largest.
+    """
     lines = [["flight", *(f"`{tracker}`" for tracker in TRACKERS)], ["---"] * (1 + len(TRACKERS))]
     for flight in FLIGHTS:
-        of = [found.get((flight, tracker)) for tracker in TRACKERS]
-        texts = [[m.text(e.value) for m, e in zip(METRICS, one, strict=True)] if one else None for one in of]
-        lines.append([flight, *(f"{text[0]} ({text[1]}; {text[2]})" if text else "" for text in texts)])
+        cells = [values.get((flight, tracker)) for tracker in TRACKERS]
+        lines.append([flight, *("" if maps is None else _write_cell(maps) for maps in cells)])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _write_cell(maps: Array) -> str:
+    gospa, share, nees = (metric.text(e.value) for metric, e in zip(METRICS, estimate_means(maps), strict=True))
+    known = maps[~np.isnan(maps[:, -1]), -1]
+    tail = [METRICS[-1].text(float(of(known))) for of in (np.median, np.max)] if len(known) else [nees, nees]
+    return f"{gospa} ({share}; {', '.join([nees, *tail])})"
 
 
 def draw(found: dict[tuple[str, str], list[Estimate]]) -> Figure:
@@ -74,9 +89,9 @@ def draw(found: dict[tuple[str, str], list[Estimate]]) -> Figure:
 
 def main(folders: Sequence[str]) -> None:
     """Print the table and draw the figure."""
-    found = estimate([row for folder in folders for row in read_rows(folder) if row.status == "done"])
-    print(write_table(found))
-    draw(found).savefig(PICTURE, dpi=100, metadata={"Software": None})
+    rows = [row for folder in folders for row in read_rows(folder) if row.status == "done"]
+    print(write_table(list_values(rows)))
+    draw(estimate(rows)).savefig(PICTURE, dpi=100, metadata={"Software": None})
 
 
 if __name__ == "__main__":

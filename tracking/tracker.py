@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracking.account import Association, Birth, Deletion, DeletionReason, Reacquisition, ScanAccount
+from tracking.association.jpda import gated_likelihood
 from tracking.filter.motion import count_steps, predict_steps
 from tracking.filter.negative_information import miss_likelihood, negative_information_update, temper
 from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
@@ -22,6 +23,7 @@ from tracking.management.reacquisition import find_lost_tracks, match_lost_track
 from tracking.measurement_update import Measured, predict_scan, update_scan
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
+from tracking.numerics.matrices import apply
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
 from tracking.registration.registration import make_registration
 from tracking.track import (
@@ -121,11 +123,13 @@ class Tracker:
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = check_scan(scan)
+        between = self._messenger.time, scan.time
+        self._predict(scan.time)
         if self._registration:
-            scan = self._registration.correct(scan)
+            scan = self._registration.correct(scan, self._explain)
             z, R = scan.measurements, scan.covariances
-        between, lens = (self._messenger.time, scan.time), self._camera.lens(scan.pose)
-        views = self._predict(scan.time, lens)
+        lens = self._camera.lens(scan.pose)
+        views = self._look(scan.time, lens)
         table = self._table
         beliefs = Beliefs(table.means, table.covariances)
         since = scan.time - table.times[:, FRAME_AT]
@@ -167,10 +171,18 @@ class Tracker:
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan in which this UAV took no frame, which counts as neither hit nor miss."""
-        self._predict(time, None)
+        self._predict(time)
+        self._look(time, None)
 
-    def _predict(self, time: float, frame: Lens | None) -> Flags:
-        """Predict to a scan's time; returns `visible_samples` of its frame, if there is one, and of the one before."""
+    def _explain(self, z: Array, R: Array) -> Array:
+        """Densities (N,) 1/m² of measurements z (N, 2) m, R (N, 2, 2) m² by the tracks, new people and clutter."""
+        table, settings = self._table, self.parameters.settings
+        likelihood = gated_likelihood(table.means, table.covariances, z, R, settings.gate_probability)
+        others = settings.clutter_density + settings.birth_density
+        return others + settings.detection_probability * apply(likelihood.T, table.existence)
+
+    def _predict(self, time: float) -> None:
+        """Predict tracks to a scan's time."""
         self._messenger.begin(time)
         self.account = ScanAccount()
         self._tracks = None
@@ -184,6 +196,10 @@ class Tracker:
         table = self._table
         table.means, table.covariances = predict_steps(self.motion, table.means, table.covariances, elapsed)
         table.existence = table.existence * power(self.parameters.step_survival, elapsed)
+
+    def _look(self, time: float, frame: Lens | None) -> Flags:
+        """Note what the scan's frame shows; returns `visible_samples` of it, if there is one, and of the one before."""
+        table = self._table
         views = visible_samples(self._forest, table.means, table.covariances, frame, self._last_frame)
         table.views = views @ _BITS
         table.times = table.times.copy()  # a message may hold the former ones

@@ -1,6 +1,6 @@
 """Registration of one UAV: what its tracker knows about the errors of the camera's pose."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,13 +10,19 @@ from tracking.geometry.camera import Pose
 from tracking.geometry.quaternions import rotate
 from tracking.navigation import NAVIGATION, Navigation
 from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.exponential import log
 from tracking.numerics.factorisation import inverses
 from tracking.numerics.matrices import apply, product
+from tracking.registration.own_motion import SPEED, Odds, OwnMotion
 from tracking.registration.pose_errors import CLOCK, ERRORS, error_slopes, move_to_believed, sandwich
 from tracking.track import Beliefs, Scan
 
 _SURE = 0.9  # least probability of an association whose residual is used for the pose
 _TRACK_TIME = 1.0  # s for which the error of a track stays about the same
+
+
+# Densities (N,) 1/m² of measurements (N, 2) m of covariances (N, 2, 2) m², as tracks and new people explain them
+Explain = Callable[[Array, Array], Array]
 
 
 class _Residual(NamedTuple):
@@ -47,10 +53,14 @@ class Registration:
     errors, so each track has a cross-covariance C with them, which follows from the gains of the fused track
     ([Schmidt66]). For the tracker the remaining errors are noise of measurements; without estimation all errors are.
 
+    A lost fix, after which the believed positions jump, moves the error at once as far as the scan makes it likely. Only velocities that
+    `OwnMotion` tells from noise teach the offset of the clock.
+
     Note: what would need the other UAVs' filters is approximate. Their filters are assumed to be like this one, and to
     drift apart; residuals within `_TRACK_TIME` count as one, because tracks of the fleet depend on one another. Bias
     and drift of an angle are one state with one correlation over a scan, the correlation of their sum. So a bias is
     forgotten too soon: of `consumer` tilts 0.91 is kept over 40 s and 0.50 over 300 s, instead of 0.93 and 0.86.
+    A jump is found in the scan after it, or not at all; the altitude is assumed not to jump.
     """
 
     def __init__(self, navigation: Navigation, *, estimates: bool, known: bool) -> None:
@@ -68,16 +78,19 @@ class Registration:
         self._time = -np.inf  # s, of the last scan
         self._fleet = 1  # number of UAVs that fuse
         self._same = 1.0  # number of scans within `_TRACK_TIME`
-        self._believed = np.zeros(2)  # m, place in the last scan
+        self._motion: OwnMotion | None = None  # believed, up to the last scan
         self._velocity = np.zeros(2)  # m/s
         self._acceleration = np.zeros(2)  # m/s²
-        self._mean: Array | None = None  # (2,) m/s, mean believed velocity before the last scan
         self._residuals: list[_Residual] = []
         self._noise = np.zeros((0, 2, 2))  # m², covariances of the last scan without the errors of the pose that stay
 
-    def correct(self, scan: Scan) -> Scan:
-        """A scan seen from the estimated pose, with covariances that include the errors of the pose."""
-        self._predict(scan)
+    def correct(self, scan: Scan, explain: Explain | None = None) -> Scan:
+        """A scan seen from the estimated pose, with covariances that include the errors of the pose.
+
+        explain: what tracks, predicted to the scan, make of its measurements; without it they do not tell of jumps.
+        """
+        place = scan.pose.position[:2]
+        velocity_variance = self._predict(scan.time, place)
         pose, z, clock = scan.pose, scan.measurements, self.errors[CLOCK]
         if self._estimates:
             # The believed velocity is that at the offset of the clock.
@@ -86,24 +99,59 @@ class Registration:
             pose = Pose(pose.position - back, rotate(pose.quaternion, -self.errors[3:CLOCK], 1.0))
             seen = move_to_believed(z, scan.pose, pose)
             z = np.where(np.isnan(seen), z, seen)  # above the horizon
-        self._pose = pose
         bent = np.sqrt(3.0) * self.covariance[CLOCK, CLOCK] * self._acceleration  # m, what is not linear in the offset
         noise = np.diag(np.square([*self._navigation.noises, 0.0]))
+        noise[[0, 1], [0, 1]] += (clock**2 + self.covariance[CLOCK, CLOCK]) * velocity_variance
         slopes = self._find_slopes(pose, z)
         self._noise = scan.covariances + sandwich(slopes, noise) + np.outer(bent, bent)
-        return replace(scan, pose=pose, measurements=z, covariances=self._noise + sandwich(slopes, self.covariance))
+        covariances = self._noise + sandwich(slopes, self.covariance)
+        if self._motion is None:
+            self._motion = OwnMotion.start(place, self._navigation)
+        else:
+            odds = self._motion.judge(place)
+            if self._estimates and self._navigation.horizontal_drift > 0.0:
+                odds, moved = self._follow_jump(place, z, covariances, explain)
+                pose = Pose(pose.position - np.append(moved, 0.0), pose.quaternion)
+                z = z - moved
+                covariances = self._noise + sandwich(slopes, self.covariance)
+            self._motion = self._motion.update(place, odds)
+        self._pose = pose
+        return replace(scan, pose=pose, measurements=z, covariances=covariances)
+
+    def _follow_jump(self, place: Array, z: Array, R: Array, explain: Explain | None) -> tuple[Odds, Array]:
+        """Add a jump of the position to its error as far as the jump is likely; returns the odds and what is added, m.
+
+        A jump moves all of a scan's measurements z (N, 2) m alike, of covariances R (N, 2, 2) m². The two hypotheses
+        are merged to one Gaussian by their moments.
+        """
+        assert self._motion is not None
+        size, variance = self._motion.find_jump(place)
+        ratio = 0.0
+        if explain is not None:
+            stayed, jumped = explain(z, R), explain(z - size, R + variance * np.eye(2))
+            ratio = sum(log(b) - log(a) for a, b in zip(stayed.tolist(), jumped.tolist(), strict=True))
+        odds = self._motion.judge(place, ratio)
+        moved = odds.jump * size
+        self.errors = self.errors + np.append(moved, np.zeros(ERRORS - 2))
+        self.covariance = self.covariance.copy()
+        self.covariance[:2, :2] += odds.jump * (variance * np.eye(2) + (1.0 - odds.jump) * np.outer(size, size))
+        return odds, moved
 
     def _find_slopes(self, pose: Pose, points: Array) -> Array:
         """Derivatives (N, 2, 7) of measurements at points (N, 2) m by the errors, near what is known of these."""
         return error_slopes(points, pose, self._velocity - 2.0 * self.errors[CLOCK] * self._acceleration)
 
-    def _predict(self, scan: Scan) -> None:
-        """Predict the errors to a scan; drifts lose their correlation, and what has no drift keeps it."""
-        elapsed, place = scan.time - self._time, scan.pose.position[:2]
-        if np.isfinite(elapsed):
-            mean = (place - self._believed) / elapsed
-            self._acceleration = (mean - (mean if self._mean is None else self._mean)) / elapsed
-            self._mean, self._velocity = mean, mean + 0.5 * elapsed * self._acceleration
+    def _predict(self, time: float, place: Array) -> float:
+        """Predict the errors to a scan; drifts lose their correlation, and what has no drift keeps it.
+
+        Returns the variance [m²/s²] of the velocity along an axis, of which place (2,) m tells something.
+        """
+        elapsed, variance = time - self._time, 0.0
+        self._time = time
+        if self._motion is not None:
+            self._motion = motion = self._motion.predict(elapsed)
+            self._velocity, self._acceleration = motion.reliability * motion.mean[1:]
+            variance = motion.find_velocity_variance(motion.judge(place))
             self._same = max(_TRACK_TIME / elapsed, 1.0)
             whole = self._stay + self._vary
             kept = np.append(self._navigation.kept(elapsed), 1.0)
@@ -112,10 +160,11 @@ class Registration:
             if self._estimates:
                 self.errors = kept * self.errors
                 self.covariance = kept[:, None] * self.covariance * kept + new
-            self._crosses = {id: cross * kept for id, cross in self._crosses.items()}
+            F = np.eye(4) + elapsed * np.eye(4, k=2)  # of people
+            self._crosses = {id: product(F, cross) * kept for id, cross in self._crosses.items()}
             if self._common is not None:
                 self._common = kept[:, None] * self._common * kept + new
-        self._time, self._believed = scan.time, place
+        return variance
 
     def note(self, ids: Indices, beliefs: Beliefs, scan: Scan, gates: Indices, weights: Array) -> None:
         """Note how a corrected scan was associated with tracks.

@@ -86,6 +86,17 @@ def test_above_people_who_are_known_it_is_the_kalman_filter_of_a_drift():
         np.testing.assert_allclose(registration.covariance[:2, :2], variance * np.eye(2), rtol=0, atol=1e-9)
 
 
+def test_cross_covariances_move_with_the_people():
+    registration = make_registration(Navigation(horizontal_drift=1.5), "estimate", known=True)
+    scan, P = Scan(0, 0.0, ABOVE, np.ones((1, 2)), np.eye(2)[None]), np.diag([1.0, 1.0, 0.5, 0.5]) + 0.2
+    learn(registration, scan, np.zeros((1, 4)), P[None], lambda _: P[None])
+    before, F = registration._crosses[0], np.eye(4) + 0.5 * np.eye(4, k=2)
+    registration.correct(Scan(0, 0.5, ABOVE, np.zeros((0, 2)), np.zeros((0, 2, 2))))
+    kept = np.exp(-0.5 / POSITION_TIME)
+    np.testing.assert_allclose(registration._crosses[0][:, :2], kept * F @ before[:, :2], rtol=1e-12, atol=1e-12)
+    assert np.abs(before[2:, :2]).max() > 0.01
+
+
 @pytest.mark.parametrize(("seconds", "least"), [(40, 0.97), (300, 0.55)])
 def test_angles_with_a_bias_and_a_drift_are_forgotten_no_later_than_they_change(seconds, least):
     """And in a mission of 40 s hardly sooner."""
