@@ -9,7 +9,6 @@ from sim.sensing.navigation import NavigationErrors
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import step
 from tracking.geometry.camera import Pose
-from tracking.navigation import Navigation
 from tracking.parameters import TrackerParameters
 from tracking.registration.pose_errors import move_to_believed
 from tracking.track import Scan, Track
@@ -45,13 +44,16 @@ class ErringFleet(NamedTuple):
     clocks: np.ndarray  # (UAVs,) s
 
 
-def make_fleet(seed, figures, *, uavs=2, scans=51, people=2, path=hover, jumps=(), in_view=lambda k: True):
-    """People walk by NCV near the middle; UAVs fly a path beside it and follow the people's mean if it is `hover`.
+def make_fleet(seed, figures, *, uavs=2, scans=51, people=2, path=hover, jumps=(), clocks=None):
+    """People walk by NCV near the middle, and UAVs fly a path side by side above them.
 
-    jumps: triples of scan, UAV and metres to the north-east that its believed positions err in addition from then on.
+    clocks: offsets of the UAVs' clocks [s], by default drawn. jumps: triples of a scan, a UAV and metres to the
+    north-east by which its believed positions err in addition from then on.
     """
     rng = np.random.default_rng(seed)
     errors = [NavigationErrors(figures, np.random.default_rng([seed, i])) for i in range(uavs)]
+    for e, clock in zip(errors, [] if clocks is None else clocks, strict=False):
+        e.clock = clock
     state = [np.array([x, y, *rng.normal(0.0, 0.5, 2)]) for x, y in rng.uniform(-4, 4, (people, 2))]
     initial = [Track(i, Gaussian(s + rng.normal(0.0, 0.5, 4), 0.25 * np.eye(4))) for i, s in enumerate(state)]
     parameters = TrackerParameters(MOTION, navigation=figures)
@@ -66,12 +68,12 @@ def make_fleet(seed, figures, *, uavs=2, scans=51, people=2, path=hover, jumps=(
         now, time = [], DT * k
         velocity = np.append(path(time + 5e-4) - path(time - 5e-4), 0.0) / 1e-3
         for i, e in enumerate(errors):
-            x, y = path(time) + [6.0 * i - 3.0 * (uavs - 1), 0.0]
-            true = Pose.level(x, y, 40.0)
+            x, y = path(time)
+            true = Pose.level(x + 6.0 * i - 3.0 * (uavs - 1), y, 40.0)
             believed = e.mislead(true, velocity, STILL)
             believed = Pose(believed.position + np.append(jumped[i], 0.0), believed.quaternion)
             z = np.array([s[:2] + NOISE * rng.standard_normal(2) for s in state])
-            z = move_to_believed(z, true, believed) if in_view(k) else np.zeros((0, 2))
+            z = move_to_believed(z, true, believed)
             now.append(Scan(i, time, believed, z, np.tile(NOISE**2 * np.eye(2), (len(z), 1, 1))))
         made.append(now)
         walked.append(state)

@@ -14,7 +14,7 @@ from tracking.numerics.matrices import product
 
 _ACCELERATION = 3.0  # m/s², deviation along an axis, of a quadrotor that tilts by 17 degrees
 _ACCELERATION_TIME = 1.0  # s, time constant of the acceleration
-SPEED = 5.0  # m/s, deviation of an unknown velocity along an axis: the default limit of commands
+_SPEED = 5.0  # m/s, deviation of an unknown velocity along an axis: the default limit of commands
 _TURNS, _TURNS_TIME = 0.1, 10.0  # velocity changes at once, and seconds, as if observed before the flight
 _JUMP = 2.0  # m, deviation of a jump along an axis: the difference of two fixes of 1.5 m, as `gnss` has
 _JUMPS = 1.0 / POSITION_TIME  # 1/s, rate of jumps: one in the time in which a position forgets its drift
@@ -60,7 +60,7 @@ class OwnMotion:
         """Motion after the first position (2,) m."""
         noise = navigation.horizontal_noise**2
         mean = np.vstack([place, np.zeros((2, 2))])
-        return cls(navigation, mean, np.diag([noise, SPEED**2, _ACCELERATION**2]), np.diag([noise, 0.0, 0.0]))
+        return cls(navigation, mean, np.diag([noise, _SPEED**2, _ACCELERATION**2]), np.diag([noise, 0.0, 0.0]))
 
     @property
     def reliability(self) -> float:
@@ -106,7 +106,7 @@ class OwnMotion:
         rate = (_TURNS + self.turns) / (_TURNS_TIME + self.time)
         variance, square = self._find_variance(), float(np.sum(np.square(place - self.mean[0])))
         steady = _find_log_density(square, variance)
-        turn = log(rate * self.elapsed) + _find_log_density(square, variance + (SPEED * self.elapsed) ** 2)
+        turn = log(rate * self.elapsed) + _find_log_density(square, variance + (_SPEED * self.elapsed) ** 2)
         jump = log(_JUMPS * self.elapsed) + _find_log_density(square, variance + _JUMP**2) + jump_ratio
         top = max(steady, turn, jump)
         steady, turn, jump = (exp(max(density - top, -700.0)) for density in (steady, turn, jump))
@@ -116,12 +116,12 @@ class OwnMotion:
 
     def find_velocity_variance(self, odds: Odds) -> float:
         """Variance [m²/s²] along an axis of the velocity, about the predicted one times the reliability."""
-        return self.reliability * (float(self.covariance[1, 1]) + odds.turn * SPEED**2)
+        return self.reliability * (float(self.covariance[1, 1]) + odds.turn * _SPEED**2)
 
     def update(self, place: Array, odds: Odds) -> OwnMotion:
         """Update by the position (2,) m, to which the motion is predicted."""
         turn, noise = np.array([[self.elapsed], [1.0], [0.0]]), self.navigation.horizontal_noise**2
-        P = self.covariance + odds.turn * SPEED**2 * product(turn, turn.T)
+        P = self.covariance + odds.turn * _SPEED**2 * product(turn, turn.T)
         P[0, 0] += odds.jump * _JUMP**2
         gain = P[:, :1] / (P[0, 0] + noise)
         left = np.eye(3)

@@ -13,7 +13,7 @@ from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.exponential import log
 from tracking.numerics.factorisation import inverses
 from tracking.numerics.matrices import apply, product
-from tracking.registration.own_motion import SPEED, Odds, OwnMotion
+from tracking.registration.own_motion import Odds, OwnMotion
 from tracking.registration.pose_errors import CLOCK, ERRORS, error_slopes, move_to_believed, sandwich
 from tracking.track import Beliefs, Scan
 
@@ -53,8 +53,8 @@ class Registration:
     errors, so each track has a cross-covariance C with them, which follows from the gains of the fused track
     ([Schmidt66]). For the tracker the remaining errors are noise of measurements; without estimation all errors are.
 
-    A lost fix, after which the believed positions jump, moves the error at once as far as the scan makes it likely. Only velocities that
-    `OwnMotion` tells from noise teach the offset of the clock.
+    A lost fix, after which the believed positions jump, moves the error at once, as far as the scan makes the jump
+    likely. Only velocities that `OwnMotion` tells from noise teach the offset of the clock.
 
     Note: what would need the other UAVs' filters is approximate. Their filters are assumed to be like this one, and to
     drift apart; residuals within `_TRACK_TIME` count as one, because tracks of the fleet depend on one another. Bias
