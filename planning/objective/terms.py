@@ -13,7 +13,7 @@ from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside, radius_in_view
 from planning.prediction.response import camera_paths
 from planning.prediction.surroundings import LEAST_RADIUS, find_near_uavs
-from tracking.geometry.leaf_gaps import detectability
+from tracking.geometry.leaf_gaps import middle_detectability
 from tracking.geometry.line_of_sight import Grid
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
@@ -291,7 +291,7 @@ def _find_views(places: Array, seeing: _Seeing, cells: _Cells, blockers: Array, 
                 x, y = cells.centres[c, 0] + cells.quarters[k, 0], cells.centres[c, 1] + cells.quarters[k, 1]
                 if inside(view[uavs[v]], x - camera[0], y - camera[1]):
                     pixel = view[uavs[v], 4, 2]
-                    seen += detectability(camera, (x, y, TARGET_HEIGHT), pixel, blockers, grid)
+                    seen += middle_detectability(camera, (x, y, TARGET_HEIGHT), pixel, blockers, grid)
             if seen > 0.0:
                 found.append(c)
                 shares.append(seen / len(cells.quarters))

@@ -12,7 +12,7 @@ from planning.planner import Exchange, Plan, Situation, limit_speed
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
 from planning.prediction.propagation import draw_deviations
 from planning.prediction.quadrangle import inside
-from tracking.geometry.leaf_gaps import detectability
+from tracking.geometry.leaf_gaps import middle_detectability
 from tracking.geometry.line_of_sight import Grid
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
@@ -147,6 +147,6 @@ def _find_errors_in_view(
             if inside(view, x - places[n, 0], y - places[n, 1]):
                 camera = places[n, 0], places[n, 1], flight.start[2]
                 dx, dy = error[0] + time * error[2], error[1] + time * error[3]
-                shows = detectability(camera, (x, y, TARGET_HEIGHT), view[4, 2], blockers, grid)
+                shows = middle_detectability(camera, (x, y, TARGET_HEIGHT), view[4, 2], blockers, grid)
                 found[n, m] = shows * min(math.sqrt(dx * dx + dy * dy), most)
     return found

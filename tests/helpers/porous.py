@@ -23,18 +23,19 @@ def sampled_share(origin, point, cylinders, samples=4000):
     return math.exp(-(inside @ cylinders[:, 5]).mean() * np.linalg.norm(point - origin))
 
 
-def plain_detectabilities(forest, camera, points, pixel):
+def plain_detectabilities(forest, camera, points, pixel, aside=0.2):
     """Probabilities (N,) that people at points (N, 3) m show to a camera at (3,) m, pixel by pixel of each quarter.
 
     The pixels of a square of the area of a silhouette are visited row by row, and a quarter stands for all of them.
+    aside [m]: from the middle to those of the quarters; with 0, as for planners, the middle stands for them.
     """
     out = []
     for point in np.atleast_2d(points):
         free = forest.free_shares(camera, point)[0, 0]
         if 0.0 < free < 1.0:
-            quarters = point + 0.2 * np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
+            quarters = point + aside * np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
             slope = np.hypot(*(point - camera)[:2]) / abs(point[2] - camera[2])
-            parts = np.minimum(forest.free_shares(camera, quarters)[0], 0.95)
+            parts = np.minimum(forest.free_shares(camera, quarters)[0], 0.95 if aside else 1.0)
             free = 1.0 - math.prod(_hidden(part, pixel, slope) ** 0.25 for part in parts.tolist())
         out.append(free)
     return np.array(out)

@@ -30,7 +30,7 @@ def plain(situation, controls):
                 place = v.position[:2] + situation.step * flown[: step + 1].sum(axis=0)
                 camera = np.array([*place, v.position[2]])
                 seen = v.camera.sees(Pose(camera, v.attitude), point)[0]
-                share = seen * plain_detectabilities(situation.forest, camera, point, view_quadrangle(v)[4, 2])[0]
+                share = seen * plain_detectabilities(situation.forest, camera, point, view_quadrangle(v)[4, 2], 0.0)[0]
                 if share > 0.0:
                     rows.append((step, v.noise.covariance(place, point[:2]) / share))
         C, R = np.zeros((2 * len(rows), 2 * len(rows))), np.eye(2 * len(rows))

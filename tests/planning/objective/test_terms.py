@@ -43,7 +43,7 @@ def found(situation, uav, place):
     view = view_quadrangle(vehicle)
     shown = np.all((points[..., :2] - place) @ view[:4, :2].T <= view[:4, 2], axis=-1)
     shows = np.zeros(shown.shape)
-    shows[shown] = plain_detectabilities(situation.forest, camera, points[shown], view[4, 2])
+    shows[shown] = plain_detectabilities(situation.forest, camera, points[shown], view[4, 2], 0.0)
     return 0.99 * shows.mean(axis=1)
 
 

@@ -75,7 +75,7 @@ def plain_goal(planner, situation, world):
             point = np.array([*state[:2] + steps * state[2:], TARGET_HEIGHT])
             camera = np.array([*place, own.position[2]])
             if own.camera.sees(Pose(camera, own.attitude), point)[0]:
-                share = plain_detectabilities(situation.forest, camera, point, view_quadrangle(own)[4, 2])[0]
+                share = plain_detectabilities(situation.forest, camera, point, view_quadrangle(own)[4, 2], 0.0)[0]
                 total += share * min(np.hypot(*(error[:2] + steps * error[2:])), planner.cutoff)
         rates.append(total / steps)
     return places[int(np.argmax(rates))], max(rates)

@@ -10,6 +10,7 @@ from helpers.views import CAMERA
 
 from tracking.geometry.camera import Pose
 from tracking.geometry.leaf_gaps import detectable_share, lower_detectabilities
+from tracking.geometry.lens import pixel_size
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import (
     SAMPLE_VARIANCE,
@@ -111,10 +112,13 @@ def test_the_law_for_cameras_side_by_side_is_that_for_one_and_trees_hide_shares_
         for j, point in enumerate(points):
             found = np.ones(len(cameras))
             hidden = lower_detectabilities(found, cameras.T[:2].copy(), 18.0, tuple(point), 0.1, forest.blockers)
-            plain = [plain_detectabilities(forest, camera, point, 0.1)[0] for camera in cameras]
+            plain = [plain_detectabilities(forest, camera, point, 0.1, 0.0)[0] for camera in cameras]
             np.testing.assert_allclose(found, plain, rtol=1e-9, atol=1e-9)
             assert hidden == np.sum(expected[:, j] == 0.0)
         for i, camera in enumerate(cameras):
+            lens = CAMERA.lens(Pose.level(*camera))
+            plain = [plain_detectabilities(forest, camera, p, pixel_size(lens, tuple(p)))[0] for p in points]
+            np.testing.assert_allclose(forest.detectabilities(lens, points), plain, rtol=1e-9, atol=1e-9)
             each = forest.shares_hidden(camera, points)
             np.testing.assert_allclose(np.prod(1.0 - each, axis=1), expected[i], rtol=1e-12, atol=1e-12)
         partly += np.sum((expected > 0.02) & (expected < 0.98))
