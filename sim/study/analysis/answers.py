@@ -45,6 +45,18 @@ class Difference:
         return self.p_value <= 1 - LEVEL
 
 
+@dataclass(frozen=True)
+class Tail:
+    """The bad end of a metric's values over the maps, which a mean hides; NaN if there are none.
+
+    It is the lower end if higher values are better, else the upper one.
+    """
+
+    decile: float = np.nan  # nine maps of ten are not worse than this
+    worst: float = np.nan
+    seed: int | None = None  # of the worst map, the first of several
+
+
 NO_DIFFERENCE = Difference(NO_ESTIMATE, pairs=0, unpaired=0, won=0, tied=0, lost=0)
 
 
@@ -126,6 +138,7 @@ class Answer:
     faulty: int = 0  # number of trials done with faults, such as those of a planner that raises
     mean: Estimate = NO_ESTIMATE
     median: Estimate = NO_ESTIMATE
+    tail: Tail = Tail()
     failed_decisions: float = 0.0  # mean share of failed decisions over the trials done
     sample: str = "map"  # what each seed counts as, as of `Group`
     difference: Difference | None = None  # None for the baseline itself
@@ -173,10 +186,22 @@ def _mark_survivors(found: Sequence[Answer]) -> list[Answer]:
     return [replace(a, difference=next(judged)) if a.difference else a for a in found]
 
 
+def find_tail(values: Array, seeds: Sequence[int], metric: Metric) -> Tail:
+    """The tail of a metric's values (maps,), with the seeds of the maps; NaN and infinity are left out."""
+    kept = np.flatnonzero(np.isfinite(values))
+    if not len(kept):
+        return Tail()
+    sign = -1.0 if metric.better == "higher" else 1.0
+    costs = sign * values[kept]
+    last = int(np.argmax(costs))
+    return Tail(sign * float(np.quantile(costs, 0.9)), float(values[kept[last]]), seeds[kept[last]])
+
+
 def _answer_one(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     values = group.table(metrics)
     maps = np.array([row.seed for row in group.done], dtype=object)
     of_maps = average_by_map(values, maps)
+    seeds = np.unique(maps).tolist()
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
     return [
@@ -194,6 +219,7 @@ def _answer_one(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             faulty=sum(row.metrics.get("faults", 0.0) > 0.0 for row in group.done),
             mean=mean.cut(metric.least, metric.most),
             median=median,
+            tail=find_tail(of_maps[:, j], seeds, metric),
         )
         for j, (metric, mean, median) in enumerate(
             zip(metrics, estimate_means(of_maps), estimate_medians(of_maps), strict=True)

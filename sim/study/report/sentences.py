@@ -7,6 +7,7 @@ from sim.facts.metrics.metric import Metric
 from sim.study.analysis.answers import Answer, Difference
 from sim.study.analysis.intervals import LEAST_MAPS, LEVEL, POWER
 from sim.study.analysis.labels import append_cell
+from sim.study.report.tables import WIDE
 
 ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as often as they claim
 
@@ -62,8 +63,8 @@ def _name_direction(metric: Metric, gap: Difference) -> str:
     return "is better than" if above == (metric.better == "higher") else "is worse than"
 
 
-def write_notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
-    """Notes below the tables of these answers, one line each; wide: as for `make_answer_tables`."""
+def write_notes(found: Sequence[Answer], *, width: float = math.inf) -> list[str]:
+    """Notes below the tables of these answers, one line each; width: as for `make_answer_tables`."""
     compared = [answer.difference.pairs for answer in found if answer.difference and answer.difference.pairs]
     counted = [answer.maps for answer in found if answer.maps > 1]
     lines = [
@@ -85,7 +86,7 @@ def write_notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
         lines.append("Maps: the number with a value, of all flown. Mean and median are over those with a value.")
     if compared:
         lines.append("Differences, and won, tied, lost, are over the maps on which both planners have a value.")
-    if compared and wide:
+    if compared and width >= WIDE:
         chance = f"{100 * POWER:.0f} %"
         lines.append(f"Maps needed: so many maps show a difference of this size with a probability of {chance}.")
     if len(compared) > 1:

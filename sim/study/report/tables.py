@@ -17,6 +17,7 @@ from sim.study.analysis.normalised_score import Scored
 from sim.study.cells import Levels
 
 Value = str | float | None
+WIDE, WIDEST = 100, 132  # characters, widths of terminals
 FAILED = METRICS["failed_decisions"]
 
 
@@ -27,7 +28,7 @@ class Entry(NamedTuple):
     text: str
     fields: dict[str, Value]  # columns of table.csv, in SI units; None and NaN are left empty
     known_of: Literal["answer", "cell", "difference"]  # "cell": empty over all cells; "difference": for the baseline
-    wide_only: bool = False  # True if a narrow terminal leaves the column out
+    from_width: int = 0  # characters, least width of a terminal that has room for the column
     if_empty: str = ""  # text where the entry is empty
 
 
@@ -50,7 +51,17 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
             "answer",
         ),
         Entry("mean", answer.mean.text(metric), _list_ends("mean", answer.mean), "cell"),
-        Entry("median", answer.median.text(metric), _list_ends("median", answer.median), "cell", wide_only=True),
+        Entry("median", answer.median.text(metric), _list_ends("median", answer.median), "cell", WIDE),
+        Entry(
+            _name_decile(metric), metric.text(answer.tail.decile), {"bad_decile": answer.tail.decile}, "cell", WIDEST
+        ),
+        Entry(
+            "greatest" if metric.better == "neither" else "worst",
+            _format_worst(answer),
+            {"worst": answer.tail.worst, "worst_seed": answer.tail.seed},
+            "cell",
+            WIDEST,
+        ),
         Entry(
             "failed\ndecisions",
             FAILED.text(answer.failed_decisions) + " %",
@@ -79,7 +90,7 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
             },
             "difference",
         ),
-        Entry("maps\nneeded", _format_maps_needed(gap), {"maps_needed": gap.needed}, "difference", wide_only=True),
+        Entry("maps\nneeded", _format_maps_needed(gap), {"maps_needed": gap.needed}, "difference", WIDE),
     ]
     empty = {"cell": answer.cell is None, "difference": answer.difference is None, "answer": False}
     return [e._replace(text=e.if_empty, fields=dict.fromkeys(e.fields)) if empty[e.known_of] else e for e in entries]
@@ -110,6 +121,15 @@ def _format_maps(answer: Answer) -> str:
         return f"{answer.difference.cells} cells" if answer.difference else ""
     count = str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
     return count if answer.sample == "map" else f"{count} {answer.sample}s"
+
+
+def _name_decile(metric: Metric) -> str:
+    return f"{10 if metric.better == 'higher' else 90} %\nquantile"
+
+
+def _format_worst(answer: Answer) -> str:
+    tail = answer.tail
+    return UNKNOWN if tail.seed is None else f"{answer.metric.text(tail.worst)} (seed {tail.seed})"
 
 
 def _format_record(gap: Difference, metric: Metric) -> str:
@@ -144,8 +164,8 @@ class Table(NamedTuple):
     note: str = ""
 
 
-def make_answer_tables(found: Sequence[Answer], baseline: str, *, wide: bool = True) -> list[Table]:
-    """The table of each metric; wide: False leaves out the columns for which a narrow terminal has no room."""
+def make_answer_tables(found: Sequence[Answer], baseline: str, *, width: float = math.inf) -> list[Table]:
+    """The table of each metric, without the columns for which a terminal of this width [characters] has no room."""
     compared = any(answer.difference for answer in found)
     failing = any(answer.failed_decisions for answer in found)
     listed = []
@@ -153,7 +173,7 @@ def make_answer_tables(found: Sequence[Answer], baseline: str, *, wide: bool = T
         rows = []
         heads: list[str] = []
         for answer in of_metric:
-            entries = [entry for entry in make_entries(answer, baseline) if wide or not entry.wide_only]
+            entries = [entry for entry in make_entries(answer, baseline) if entry.from_width <= width]
             shown = [entry for entry in entries if compared or entry.known_of != "difference"]
             shown = [entry for entry in shown if failing or "failed_decisions" not in entry.fields]
             heads = [entry.head for entry in shown]

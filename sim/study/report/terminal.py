@@ -24,7 +24,6 @@ from sim.study.trials import TrialRow
 from sim.terminal.console import console, fail
 from tracking.errors import InputError
 
-_WIDE = 100  # characters, least width of a terminal with room for all columns
 _NAMES = 12  # characters, least width of the column of names
 
 
@@ -57,8 +56,7 @@ def show(rows: Sequence[TrialRow], about: About, *, on: Console = console) -> No
     found = [replace(answer, planner=shorts[answer.planner]) for answer in compared.answers]
     if everywhere := find_constant_factors(compared.every):
         on.print(f"Everywhere: {escape(cell_text(everywhere))}")
-    wide = on.width >= _WIDE
-    for table in make_answer_tables(found, shorts[compared.baseline], wide=wide):
+    for table in make_answer_tables(found, shorts[compared.baseline], width=on.width):
         on.print(_make_terminal_table(table, on.width))
     if compared.scored:
         table = make_score_table(compared.scored, compared.groups)
@@ -67,7 +65,7 @@ def show(rows: Sequence[TrialRow], about: About, *, on: Console = console) -> No
     for label, short in {**about.labels, **shorts}.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
-    for note in write_notes(found, wide=wide):
+    for note in write_notes(found, width=on.width):
         on.print(escape(note), style="dim")
     for line in list_shortfalls(found):
         on.print(escape(line), style="bold red")

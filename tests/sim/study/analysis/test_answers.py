@@ -236,3 +236,21 @@ def test_the_usual_metrics_are_shown_unless_others_are_asked_for():
     assert find_shown_metric("new_m").title == "new m [m]" and find_shown_metric("new_m").better == "neither"
     assert list_available(rows)[-1] == "new_m"
     assert choose_metrics([failed()], ["ospa.mean_m"]) == [MEAN]  # where all failed, no name is unknown
+
+
+@pytest.mark.parametrize(
+    ("name", "decile", "worst"),
+    [("gospa.mean_m", 8.1, (9.0, 104)), ("share_held", 0.9, (0.0, 100)), ("nees.position.mean", 8.1, (9.0, 104))],
+)
+def test_the_tail_is_on_the_side_of_bad_missions_and_names_the_worst_one(name, decile, worst):
+    """Seeds 100 to 109 have the values 0, 5, 1, 6, 9, 2, 7, 3, 8, 4; repeats are averaged, missing values left out."""
+    values = [0.0, 5.0, 1.0, 6.0, 9.0, 2.0, 7.0, 3.0, 8.0, 4.0]
+    rows = [row(seed=100 + k, repeat=j, metrics={name: v - 5 + 10 * j}) for k, v in enumerate(values) for j in (0, 1)]
+    rows += [row(seed=99, metrics={name: np.nan}), row(seed=98, metrics={name: np.inf}), failed(seed=97)]
+    (answer,) = find_answers(group_rows(rows), [find_shown_metric(name)], "sma-nbo")
+    assert answer.tail.decile == pytest.approx(decile) and (answer.tail.worst, answer.tail.seed) == worst
+
+
+def test_no_value_has_no_tail():
+    (answer,) = find_answers(group_rows([failed()]), [find_shown_metric("gospa.mean_m")], "sma-nbo")
+    assert np.isnan([answer.tail.decile, answer.tail.worst]).all() and answer.tail.seed is None

@@ -40,7 +40,7 @@ def everywhere(rows):
     return shown(rows, 120), html + unescape(make_bullet_list([*write_notes(found), *list_shortfalls(found)]))
 
 
-@pytest.mark.parametrize("width", [80, 120])
+@pytest.mark.parametrize("width", [80, 120, 140])
 def test_the_terminal_shows_every_number_whole(width):
     text = shown(study(), width)
     assert max(map(len, text.splitlines())) <= width
@@ -51,6 +51,8 @@ def test_the_terminal_shows_every_number_whole(width):
             pieces += [str(answer.maps), f"{answer.mean.value:.2f} [{low:.2f}, {high:.2f}]"]
         if answer.cell is not None and width >= 100:
             pieces.append(f"{answer.median.value:.2f} [{answer.median.low:.2f}, {answer.median.high:.2f}]")
+        if answer.cell is not None and width >= 132:
+            pieces += [f"{answer.tail.decile:.2f}", f"{answer.tail.worst:.2f} (seed {answer.tail.seed})"]
         if answer.cell is None:
             pieces.append("2 cells")
         if gap := answer.difference:
@@ -212,6 +214,8 @@ def test_the_csv_holds_every_number_in_full_and_nothing_where_there_is_none(rows
                 for name, e in estimates.items()
                 for end, value in zip(ENDS, astuple(e), strict=True)
             },
+            **{"bad_decile": answer.tail.decile, "worst": answer.tail.worst},
+            "worst_seed": "" if answer.tail.seed is None else answer.tail.seed,
             **{"p": getattr(gap, "p_value", ""), "maps_needed": getattr(gap, "needed", "")},
             "holm": int(gap.survives) if gap else "",
         }
