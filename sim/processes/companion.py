@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager
 from importlib import import_module
 from typing import Any, BinaryIO
 
+from sim.installation import ROOT
 from sim.processes.exits import describe_exit
 
 _MOST = 32_000_000  # bytes on their way; then `send` waits
@@ -35,7 +36,7 @@ class Companion(AbstractContextManager["Companion"]):
 
     def __init__(self, function: str) -> None:
         """Start the process; function: "module:name"."""
-        command = [sys.executable, "-c", _START, json.dumps(sys.path), function]
+        command = [sys.executable, "-c", _START, json.dumps([str(ROOT), *sys.path]), function]
         # The process inherits the blocked signal, so Ctrl-C does no harm until it is ignored.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
         try:

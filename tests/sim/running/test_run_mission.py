@@ -100,8 +100,7 @@ def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp
     ],
 )
 def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_path, sign, number):
-    # Images keep the flight from running far ahead of the film, whose process may start late.
-    words = "-m sim run --planner hover --duration 10min --out".split()
+    words = "-m sim run --planner hover --set sensing.mode=ideal --duration 10min --out".split()
     process = python(*words, tmp_path / "out", started=True)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob(f".out.{sign}")) and time.monotonic() < deadline:
