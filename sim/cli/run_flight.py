@@ -15,7 +15,6 @@ from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import find_scenario_remarks
 from sim.running.fly import is_built_in
 from sim.running.results import run_mission
-from sim.running.timed_run import run_with_timeout
 from sim.terminal.console import console, print_remarks, say, show_files, show_place
 from sim.terminal.progress import show_mission_progress
 from tracking.errors import InputError
@@ -42,6 +41,8 @@ def fly_and_show(trial: Trial, scenario: str, out: Path | None, limit: float | N
     ):
         options |= {"say": say, "progress": progress}
         if limit is not None:
+            from sim.running.timed_run import run_with_timeout
+
             summary = run_with_timeout(trial, folder, limit, **options)
         elif is_built_in(trial) and not options["metrics"]:
             summary = run_mission(trial, folder, **options)

@@ -45,6 +45,7 @@ class Companion(AbstractContextManager["Companion"]):
             )
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        self.pid = self._process.pid
         self._changed = threading.Condition()
         self._messages: deque[bytes] = deque()
         self._size = 0  # bytes of the messages, with the one that is being written

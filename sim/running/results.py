@@ -96,7 +96,7 @@ def take_off(results: Results, trial: Trial, begun: float, progress: Progress, s
     for name in results.metrics:
         find_metric(name)
     with announce_compilation(say, progress):
-        warm_up()
+        warm_up(trial.scenario.sensing.renders)
     return fly(trial, begun=begun)
 
 

@@ -71,7 +71,7 @@ def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path,
     with pytest.raises(KeyboardInterrupt):
         run_mission(trial(), tmp_path / "new" / "out", progress=interrupting(4, 4))
     assert names(tmp_path) == ["out"]
-    monkeypatch.setattr(module, "warm_up", lambda: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr(module, "warm_up", lambda renders: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
         run_mission(trial(), tmp_path / "other")
     assert names(tmp_path) == ["out"]
