@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from planning.catalogue import DEFAULT_PLANNER
+from sim.processes.garbage import no_collection
 from sim.running.beside import start_painter
 from sim.scenario.quantities import parse_duration, parse_seed_and_repeat
 from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
@@ -49,9 +50,10 @@ def run(
     numbers = parse_seed_and_repeat(seed, repeat, "--")
     # A second process, which draws, imports its modules while this one imports those of a mission.
     with nullcontext() if limit else start_painter() as painter:
-        from sim.cli.run_flight import fly_and_show
-        from sim.mission.trial import Trial
-        from sim.scenario.loading import load_scenario, place_of
+        with no_collection():
+            from sim.cli.run_flight import fly_and_show
+            from sim.mission.trial import Trial
+            from sim.scenario.loading import load_scenario, place_of
 
         trial = Trial(load_scenario(scenario, changes), planner, *numbers, place_of(scenario, changes))
         flown = {} if limit else {"begun": context.obj.begun, "painter": painter}

@@ -1,5 +1,6 @@
 """A process beside this one, to which values are sent while this one works on."""
 
+import gc
 import json
 import os
 import pickle
@@ -15,6 +16,7 @@ from typing import Any, BinaryIO
 
 from sim.installation import ROOT
 from sim.processes.exits import describe_exit
+from sim.processes.garbage import no_collection
 
 _MOST = 32_000_000  # bytes on their way; then `send` waits
 _START = (
@@ -136,7 +138,9 @@ def serve(function: str) -> None:
     module, _, name = function.partition(":")
     answer: tuple[Any, Exception | None]
     try:
-        call: Callable[[Iterator[Any]], Any] = getattr(import_module(module), name)
+        with no_collection():
+            call: Callable[[Iterator[Any]], Any] = getattr(import_module(module), name)
+            gc.freeze()
         answer = call(_receive(sys.stdin.buffer)), None
     except Exception as error:
         answer = None, _make_portable(error)
