@@ -12,6 +12,7 @@ sys.path.append(str(ROOT))
 sys.path.sort(key=lambda place: os.path.abspath(place) == os.getcwd())
 
 from sim.cli.start import start
+from sim.mission.stopwatch import find_process_start
 from sim.terminal.commands import make_command_group, run_command_line
 
 # Function of each command, and its line in the list of commands. A command's module is imported when it is called:
@@ -37,7 +38,9 @@ app = make_command_group(start, COMMANDS)
 def main(executor: Executor | None = None) -> None:
     """Run the command line and exit; executor: flies the trials of `compare`, by default processes of this machine."""
     gc.set_threshold(50_000)  # imports make many objects that stay; to walk over them again and again took 0.2 s
-    run_command_line(app, executor)
+    ours = getattr(sys.modules["__main__"], "main", None) is main  # else the process has done other things before
+    begun = find_process_start() if ours else None
+    run_command_line(app, executor, begun)
 
 
 if __name__ == "__main__":

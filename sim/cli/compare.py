@@ -117,7 +117,7 @@ def compare(
     if folder not in (out, default):
         print_remarks(f"{default} holds other results; those of this comparison go into {folder}")
     options = Options(limit, None if keep is None else folder / "recordings", redo)
-    executor = connect(dask) if dask is not None else context.obj or Pool(processes, limit)
+    executor = connect(dask) if dask is not None else context.obj.executor or Pool(processes, limit)
     show_study(fly_study(chosen, trials, folder, executor, options), folder, about)
 
 

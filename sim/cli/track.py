@@ -2,6 +2,7 @@
 
 import math
 import shlex
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -9,11 +10,12 @@ import typer
 
 from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import name_flight, track_flight
-from sim.facts.flight import Flight
 from sim.facts.metrics.summary import make_results_table
 from sim.mission.atomic_files import claim_place, make_new_folder
 from sim.mission.recording import Recording
-from sim.running.results import Results, write_results, write_summary
+from sim.running.folder import Results
+from sim.running.pictures import draw_still_pictures
+from sim.running.results import write_results
 from sim.scenario.quantities import parse_number, parse_seed_and_repeat
 from sim.terminal.commands import Overrides
 from sim.terminal.console import console, print_remarks, say, show_files, show_place
@@ -71,9 +73,8 @@ def track(
         results = Results(folder, place, video, ())
         if video:
             with show_counted_progress(scans, "pictures") as progress:
-                write_film(outcome.recording, range(scans), folder / "mission.mp4", progress=progress)
-        write_results(results, Flight(outcome.recording))
-        summary = write_summary(results, outcome, say)
+                write_film(outcome.recording, range(scans), results.film, progress=progress)
+        summary = write_results(results, outcome, partial(draw_still_pictures, results), say)
     if outcome.recording.labelled:
         console.print(make_results_table(summary))
     else:

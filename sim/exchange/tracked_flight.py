@@ -83,7 +83,8 @@ def track_flight(
     recording = recorder.recording(
         scenario=encode_scenario(setting), planner=name, seed=seed, forest=flight.forest, frames=flight.frames
     )
-    return Outcome(recording, wall_s=clock.perf_counter() - begun)
+    wall = clock.perf_counter() - begun
+    return Outcome(recording, seconds={"tracking": wall}, wall_s=wall)
 
 
 def _find_shown(flight: ScannedFlight, uav: int, scan: Scan | None, people: Array) -> Flags:

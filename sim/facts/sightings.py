@@ -5,7 +5,6 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from sim.mission.recording import Recording
 from tracking.errors import list_numbers
@@ -99,6 +98,8 @@ def tell_pose_error(recording: Recording, k: int, uav: int) -> list[str]:
     true, believed = recording.camera_at(k, uav), recording.believed_camera_at(k, uav)
     if recording.believed is None or np.array_equal(recording.believed[k, uav], recording.cameras[k, uav]):
         return []
+    from scipy.spatial.transform import Rotation
+
     away = believed.position - true.position
     turned = Rotation.from_quat(believed.quaternion) * Rotation.from_quat(true.quaternion).inv()
     angle = math.degrees(turned.magnitude())

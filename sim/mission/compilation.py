@@ -27,7 +27,7 @@ from sim.installation import ROOT
 from sim.mission.tracker_fleet import make_trackers
 from sim.mission.tracker_setup import make_planned_motion
 from sim.mission.world_setup import make_forest_and_people
-from sim.processes.workers import count_cores
+from sim.processes.cores import count_cores
 from sim.scenario.environment import Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.sensing.detector_check import stage_frames
@@ -37,6 +37,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.fusion.member import Member
 from tracking.geometry.camera import Pose
+from tracking.numerics.assignment import assign
 from tracking.numerics.compiled import code_folder, find_uncompiled, functions, take_code
 from tracking.testing.stage import FOREST, make_scan
 from tracking.track import Track
@@ -179,11 +180,12 @@ def _detect() -> None:
 
 
 def _move() -> None:
-    """People who walk, and UAVs that fly in wind."""
+    """People who walk, UAVs that fly in wind, and their errors."""
     scenario = Scenario(duration=0.2, trees=Trees(density=5.0), wind=Wind(gust=1.0))
     forest, people = make_forest_and_people(scenario, 0)
     with World(scenario, forest, people.positions.shape[1]) as world:
         world.advance(np.zeros((len(scenario.uavs), 2)), 2, np.zeros((2, 2)))
+    assign(np.zeros((1, 1)))  # of tracks to people, by whom they are judged
 
 
 # The longest first, so that all processes end at about the same time.

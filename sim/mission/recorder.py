@@ -3,7 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from planning.planner import Plan
 from sim.mission.fault import Fault
 from sim.mission.recording import FIELDS, VERSION, Recording, encode_faults
 from sim.mission.snapshot import Snapshot
+from sim.scenario.scenario import Scenario, encode_scenario
 from sim.world.contacts import KINDS
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -100,6 +101,28 @@ class Recorder:
             sees_truth=sees_truth,
             faults=encode_faults(self._faults),
             frames=frames,
+        )
+
+
+class Heading(NamedTuple):
+    """What the recording of a mission says beside its scans."""
+
+    scenario: Scenario
+    planner: str
+    seed: int
+    repeat: int
+    forest: Forest
+    sees_truth: bool
+
+    def make_recording(self, recorder: Recorder) -> Recording:
+        """Recording of the scans so far; it is marked as interrupted unless these are all."""
+        return recorder.recording(
+            scenario=encode_scenario(self.scenario),
+            planner=self.planner,
+            seed=self.seed,
+            forest=self.forest,
+            interrupted=len(recorder) < len(self.scenario.scan_times),
+            sees_truth=self.sees_truth,
         )
 
 

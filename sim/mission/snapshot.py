@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -50,10 +50,20 @@ class Snapshot:
     plan_rounds: int  # number of rounds in which these plans were sent
     faults: tuple[Fault, ...] = ()  # of planner and detectors at this scan, and breakdowns since the previous one
 
+    def plain(self) -> "Snapshot":
+        """The same in classes of ours alone, whatever those of plug-ins are: other processes need not know them."""
+        flown = self.flown and FlownPlans(self.flown.made, _make_plain(self.flown.plans))
+        tracks = [tuple(Track(t.id, t.belief, t.existence, t.sighting) for t in held) for held in self.tracks]
+        return replace(self, tracks=tracks, plans=self.plans and _make_plain(self.plans), flown=flown)
+
     @property
     def error(self) -> float:
         """OSPA distance [m], mean over the UAVs that work; NaN if none does."""
         return float(self.ospa[self.working, 0].mean()) if self.working else math.nan
+
+
+def _make_plain(plans: Iterable[Plan]) -> list[Plan]:
+    return [Plan(plan.controls) for plan in plans]
 
 
 def find_reported_positions(tracks: Sequence[Track]) -> Array:

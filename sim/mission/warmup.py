@@ -3,7 +3,7 @@
 import gc
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache
 
 import numpy as np
@@ -14,6 +14,7 @@ from planning.planner_loading import load_planner
 from sim.mission.compilation import compile_in_processes, is_mostly_uncompiled, name_compiled
 from sim.mission.mission import Mission
 from sim.mission.trial import Compilation, Say
+from sim.processes.garbage import no_collection
 from sim.scenario.environment import Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
@@ -25,6 +26,7 @@ from tracking.parameters import Tracking
 from tracking.testing.stage import paint_frame
 
 _BEFORE = "Compiling the numerical code, which takes about a minute"  # on one idle core
+_FEW = Trees(density=5.0)
 _LOST = "no folder for it can be written to, so it is compiled anew each time; NUMBA_CACHE_DIR may name one that can"
 
 
@@ -77,17 +79,27 @@ def announce_compilation(say: Say, progress: Callable[[Compilation], None] = lam
 
 
 @cache
-def warm_up() -> None:
-    """Fly two missions of 0.6 s, once per process, so that all kernels are loaded, or compiled and cached."""
+def warm_up(renders: bool | None = None) -> None:
+    """Fly missions of 0.6 s, once per process, so that all kernels are loaded, or compiled and cached.
+
+    renders: whether the missions to come render frames, if that is known: those that have code on disk then load no
+    kernels of the other kind.
+    """
     if is_mostly_uncompiled():
         compile_in_processes()
-    windy = Scenario(duration=0.6, trees=Trees(density=5.0), sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0))
-    rendered = Scenario(duration=0.6, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))
-    for scenario in (windy, rendered):
-        for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
-            pass
-    # Negative information does not occur within 0.6 s in every forest.
-    negative_information_update(np.zeros((1, 4)), np.eye(4)[None], np.linspace(0.1, 1.0, len(SAMPLES))[None])
-    beside = Forest((Tree(4.0, 0.0),))  # the person in the middle of the frame
-    BlobDetector(beside).detect(paint_frame())  # only images need it
-    gc.freeze()  # a compiler's objects stay; else each full collection goes through them all
+    compiles = bool(find_uncompiled())
+    with nullcontext() if compiles else no_collection():  # a compiler leaves much garbage
+        if compiles or not renders:
+            _fly(Scenario(duration=0.6, trees=_FEW, sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0)))
+        if compiles or renders is not False:
+            _fly(Scenario(duration=0.6, trees=_FEW, tracking=Tracking(initial_tracks="none")))
+            beside = Forest((Tree(4.0, 0.0),))  # the person in the middle of the frame
+            BlobDetector(beside).detect(paint_frame())  # only images need it
+        # Negative information does not occur within 0.6 s in every forest.
+        negative_information_update(np.zeros((1, 4)), np.eye(4)[None], np.linspace(0.1, 1.0, len(SAMPLES))[None])
+        gc.freeze()  # a compiler's objects stay; else each full collection goes through them all
+
+
+def _fly(scenario: Scenario) -> None:
+    for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
+        pass

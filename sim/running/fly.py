@@ -1,5 +1,6 @@
 """A mission from take-off to its recording: one loop over `fly`, whoever watches it."""
 
+import math
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager
@@ -9,11 +10,9 @@ from planning.planner_loading import PlannerError, find_planner_target, load_pla
 from sim.facts.flight import Flight
 from sim.facts.metrics.metric import Outcome
 from sim.mission.mission import Mission
-from sim.mission.recorder import Recorder
-from sim.mission.recording import Recording
+from sim.mission.recorder import Heading, Recorder
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial, prefix_errors
-from sim.scenario.scenario import encode_scenario
 
 
 class FlyingMission(AbstractContextManager["FlyingMission"]):
@@ -34,7 +33,9 @@ class FlyingMission(AbstractContextManager["FlyingMission"]):
         self._recorder = Recorder(trial.repeat)
         with prefix_errors(trial.place, PlannerError):
             self.mission = Mission(trial.scenario, planner, trial.seed, trial.repeat)
-        self._start_up = time.perf_counter() - begun  # s
+        self.heading = _make_heading(self.mission, trial.planner)
+        # In seconds, without the first scan, which counts with the others.
+        self._start_up = time.perf_counter() - begun - math.fsum(self.mission.clock.seconds.values())
 
     def __iter__(self) -> Iterator[Snapshot]:
         for snapshot in self.mission.fly():
@@ -47,7 +48,7 @@ class FlyingMission(AbstractContextManager["FlyingMission"]):
         mission.close()
         wall = time.perf_counter() - self._begun
         return Outcome(
-            _make_recording(mission, self._recorder, self.trial.planner),
+            self.heading.make_recording(self._recorder),
             seconds={**mission.clock.seconds, "start_up": self._start_up},
             wall_s=wall,
             faults=mission.faults,
@@ -85,7 +86,7 @@ def record(mission: Mission, snapshots: Iterable[Snapshot], planner: str = "from
     recorder = Recorder(mission.repeat)
     for snapshot in snapshots:
         recorder.add(snapshot)
-    return Flight(_make_recording(mission, recorder, planner))
+    return Flight(_make_heading(mission, planner).make_recording(recorder))
 
 
 def is_built_in(trial: Trial) -> bool:
@@ -94,13 +95,7 @@ def is_built_in(trial: Trial) -> bool:
     return find_planner_target(trial.planner).startswith("planning.") and parts
 
 
-def _make_recording(mission: Mission, recorder: Recorder, planner: str) -> Recording:
-    """Recording of the scans flown so far; it is marked as interrupted unless these are all."""
-    return recorder.recording(
-        scenario=encode_scenario(mission.scenario),
-        planner=planner,
-        seed=mission.seed,
-        forest=mission.forest,
-        interrupted=len(recorder) < len(mission.scenario.scan_times),
-        sees_truth=mission.sees_truth,
+def _make_heading(mission: Mission, planner: str) -> Heading:
+    return Heading(
+        mission.scenario, planner, mission.seed, mission.repeat, mission.forest, sees_truth=mission.sees_truth
     )

@@ -1,12 +1,12 @@
 """A folder of results, of a mission or of a flight from elsewhere: recording, summary, film, page and plots."""
 
 import json
+import math
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -15,25 +15,15 @@ from planning.planner_loading import load_planner
 from sim.facts.flight import Flight
 from sim.facts.metrics.catalogue import find_metric
 from sim.facts.metrics.metric import Outcome
-from sim.facts.metrics.summary import format_planner_title, summarise
+from sim.facts.metrics.summary import summarise
 from sim.mission.archive import save
 from sim.mission.atomic_files import make_new_folder
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
+from sim.processes.companion import Companion
+from sim.running.beside import open_pictures, start_painter
 from sim.running.fly import FlyingMission, fly
-from sim.views.drawing.film import Film, Video
-from sim.views.drawing.plots import save as save_figure
-from sim.views.page.page import describe_omission, write_page
-
-
-@dataclass(frozen=True)
-class Results:
-    """What a mission leaves in its folder."""
-
-    folder: Path
-    final: Path  # name of the folder when it is complete
-    video: bool  # False: neither mission.mp4 nor mission.html
-    metrics: Sequence[str]  # import strings of plug-in metrics for the summary
+from sim.running.folder import Results
 
 
 def run_mission(
@@ -44,6 +34,8 @@ def run_mission(
     metrics: Sequence[str] = (),
     progress: Progress = lambda moment: None,
     say: Say = lambda text: None,
+    begun: float | None = None,
+    painter: Companion | None = None,
 ) -> dict[str, Any]:
     """Fly a mission, leave its results in the new folder `out`, and return the summary.
 
@@ -58,11 +50,14 @@ def run_mission(
         metrics: Import strings of plug-in metrics for the summary.
         progress: Called for each function that is compiled and at each scan.
         say: Called with messages about compilation, and about what the page leaves out.
+        begun: Value of `time.perf_counter` from which on time counts, by default now.
+        painter: The process that draws pictures, if it runs already.
     """
-    with make_new_folder(out) as folder:
-        results = Results(folder, out, video, metrics)
-        with take_off(results, trial, progress, say) as flying, stop_request() as stop:
-            return fly_into(results, flying, stop.is_set, progress, say)
+    start = time.perf_counter() if begun is None else begun
+    with make_new_folder(out) as folder, nullcontext(painter) if painter else start_painter() as drawing:
+        results = Results(folder.absolute(), out, video, tuple(metrics))
+        with take_off(results, trial, start, progress, say) as flying, stop_request() as stop:
+            return fly_into(results, flying, drawing, stop.is_set, progress, say)
 
 
 @contextmanager
@@ -89,76 +84,61 @@ def stop_request() -> Iterator[threading.Event]:
             signal.signal(number, previous)
 
 
-def take_off(results: Results, trial: Trial, progress: Progress, say: Say) -> FlyingMission:
-    """The mission at its first scan, after compilation; InputError if a plug-in cannot be used, before compilation."""
+def take_off(results: Results, trial: Trial, begun: float, progress: Progress, say: Say) -> FlyingMission:
+    """The mission at its first scan, after compilation; InputError if a plug-in cannot be used, before compilation.
+
+    begun: value of `time.perf_counter` when start-up began.
+    """
     for registry, name in trial.scenario.plugins:
         if name not in registry.built_in:
             registry.find(name)
     load_planner(trial.planner)
     for name in results.metrics:
         find_metric(name)
-    begun = time.perf_counter()
     with announce_compilation(say, progress):
-        warm_up()
+        warm_up(trial.scenario.sensing.renders)
     return fly(trial, begun=begun)
 
 
 def fly_into(
-    results: Results, flying: FlyingMission, stops: Callable[[], bool], progress: Progress, say: Say
+    results: Results,
+    flying: FlyingMission,
+    painter: Companion | None,
+    stops: Callable[[], bool],
+    progress: Progress,
+    say: Say,
 ) -> dict[str, Any]:
-    """Fly a mission, up to the scan after which `stops` is True, into a folder that exists; return the summary."""
+    """Fly a mission, up to the scan after which `stops` is True, into a folder that exists; return the summary.
+
+    painter: the process that draws the pictures; None if this one does.
+    """
     mission = flying.mission
-    with _open_video(results, flying) as video:
+    with open_pictures(painter, results, flying.heading, say) as pictures:
         for snapshot in flying:
-            if video:
-                with mission.clock.measure("video"):
-                    video.add(snapshot, mission.images)
+            with mission.clock.measure("video"):
+                pictures.add(snapshot, mission.images)
             progress(ScanProgress(snapshot.time, snapshot.ospa[snapshot.working, 0].tolist()))
             if stops():
                 say("Interrupted; what was flown is being written. Another Ctrl-C keeps nothing.")
                 break
-    outcome = flying.land()
+        with mission.clock.measure("video"):
+            pictures.end()
+        return write_results(results, flying.land(), pictures.draw, say)
+
+
+def write_results(results: Results, outcome: Outcome, draw: Callable[[Flight], str], say: Say) -> dict[str, Any]:
+    """Write recording, pictures and summary of a mission, and return the summary.
+
+    draw: draws the pictures, and returns what the page leaves out, in words.
+    """
     start = time.perf_counter()
-    write_results(results, Flight(outcome.recording))
-    spent = time.perf_counter() - start
-    outcome = replace(outcome, seconds={**outcome.seconds, "page": spent}, wall_s=outcome.wall_s + spent)
-    return write_summary(results, outcome, say)
-
-
-@contextmanager
-def _open_video(results: Results, flying: FlyingMission) -> Iterator[Video | None]:
-    """The film of a mission, if it has one, which is finished at the end of the block."""
-    if not results.video:
-        yield None
-        return
-    trial = flying.trial
-    mission = flying.mission
-    film = Film(trial.scenario, mission.forest, planner=format_planner_title(trial.planner, mission.sees_truth))
-    video = Video(results.folder / "mission.mp4", film, fps=trial.scenario.rates.sensing)
-    try:
-        yield video
-    except BaseException:
-        video.discard()
-        raise
-    with mission.clock.measure("video"):
-        video.close()
-
-
-def write_results(results: Results, flight: Flight) -> None:
-    """Write the files of a mission except its film, which is there, and its summary."""
-    folder = results.folder
-    save(flight.recording, folder / "mission.npz")
-    if flight.recording.labelled:
-        save_figure(flight.ospa_figure(), folder / "ospa.png")
-        save_figure(flight.timeline_figure(), folder / "timeline.png")
-    if results.video:
-        write_page(flight, folder / "mission.html", video=folder / "mission.mp4", place=str(results.final))
-
-
-def write_summary(results: Results, outcome: Outcome, say: Say) -> dict[str, Any]:
-    """Write the summary and return it; `say` what the page leaves out."""
+    save(outcome.recording, results.folder / "mission.npz")
     summary = summarise(outcome, results.metrics)
+    left_out = draw(Flight(outcome.recording))
+    spent = time.perf_counter() - start
+    wall, seconds = outcome.wall_s + spent, {**outcome.seconds, "page": spent}
+    summary |= {"wall_s": wall, "seconds": {**seconds, "other": wall - math.fsum(seconds.values())}}
     (results.folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    if results.video and (left_out := describe_omission(outcome.recording)):
+    if left_out:
         say(left_out)
     return summary

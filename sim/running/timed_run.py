@@ -1,6 +1,7 @@
 """A mission with a limit of wall time: it flies in a process of its own, which can be ended if its planner hangs."""
 
 import threading
+import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -13,7 +14,9 @@ from sim.mission.atomic_files import make_new_folder
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.workers import CONTEXT, LOST, start_workers
-from sim.running.results import Results, fly_into, stop_request, take_off
+from sim.running.beside import start_painter
+from sim.running.folder import Results
+from sim.running.results import fly_into, stop_request, take_off
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
@@ -86,6 +89,10 @@ def _prepare(messages: Connection, stop: Event) -> None:
 
 def _fly(trial: Trial, results: Results) -> dict[str, Any]:
     """Fly in the process; exceptions of plug-ins become PluginErrors, because not all exceptions can be pickled."""
-    tell = _parent.messages.send
-    with plugin_call(passing=(InputError,)), take_off(results, trial, tell, tell) as flying:
-        return fly_into(results, flying, _parent.stop.is_set, tell, tell)
+    begun, tell = time.perf_counter(), _parent.messages.send
+    with (
+        start_painter() as painter,
+        plugin_call(passing=(InputError,)),
+        take_off(results, trial, begun, tell, tell) as flying,
+    ):
+        return fly_into(results, flying, painter, _parent.stop.is_set, tell, tell)

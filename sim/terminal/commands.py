@@ -6,13 +6,14 @@ import os
 import signal
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from rich.markup import escape
@@ -45,6 +46,13 @@ Overrides = Annotated[
     ),
 ]
 Recorded = Annotated[Path, typer.Argument(metavar="DIR", help="A run's folder, or its mission.npz.")]
+
+
+class Call(NamedTuple):
+    """What a command knows beside its arguments, as `typer.Context.obj`."""
+
+    executor: Executor | None
+    begun: float  # s
 
 
 class Command(TyperCommand):
@@ -151,11 +159,13 @@ def _make_app(function: Callable[..., None]) -> typer.Typer:
     return app
 
 
-def run_command_line(app: Callable[..., Any], executor: Executor | None = None) -> None:
+def run_command_line(app: Callable[..., Any], executor: Executor | None = None, begun: float | None = None) -> None:
     """Run a command line. Exit codes: 0 success, 2 wrong input (with a message of one line), 1 any other failure.
 
-    executor: flies the trials of `compare`, in place of processes of this machine.
+    executor: flies the trials of `compare`, in place of processes of this machine. begun: value of `time.perf_counter`
+    from which on the command's time counts, by default now.
     """
+    call = Call(executor, time.perf_counter() if begun is None else begun)
     sys.path.append(os.getcwd())  # finds plug-ins in the current folder; last, so that they hide no package
     _replace_unknown_characters()
     _take_signals()
@@ -163,7 +173,7 @@ def run_command_line(app: Callable[..., Any], executor: Executor | None = None) 
         faulthandler.enable(all_threads=False)  # says in which line a plug-in crashes the process
     try:
         _check_temporary_folder()
-        if app(standalone_mode=False, obj=executor):  # typer's exit code, which only Ctrl-C makes non-zero
+        if app(standalone_mode=False, obj=call):  # typer's exit code, which only Ctrl-C makes non-zero
             fail("interrupted; nothing new is kept", code=1)
     except (InputError, PlaceTaken) as error:
         fail(str(error), code=2 if isinstance(error, InputError) else 1)

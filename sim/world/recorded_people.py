@@ -6,7 +6,6 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from sim.scenario.csv_tables import RowErrors, TableRow, read_csv
 from sim.scenario.environment import Area, People
@@ -207,6 +206,8 @@ def resample(
         raise InputError(
             f"{name}, column time: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed"
         )
+    from scipy.interpolate import PchipInterpolator
+
     outside = np.isnan(places[:, 0])
     leaves = outside[:-1] | outside[1:] | (gaps > max_gap)
     for stay in np.split(np.arange(len(known)), np.flatnonzero(leaves) + 1):

@@ -14,12 +14,13 @@ from pathlib import Path
 
 import cv2
 
-import sim.running.results  # noqa: F401 - what commands import late is loaded once
+import sim.cli.run_flight  # noqa: F401 - what commands import late is loaded once
 from helpers.studies import Serial
 from sim import __main__ as cli
 from sim.facts.explain import explanation  # noqa: F401
 from sim.mission.archive import find_recording  # noqa: F401
 from sim.mission.warmup import warm_up
+from sim.running import beside, pictures  # noqa: F401
 from sim.study.report import terminal  # noqa: F401
 from sim.study.trials import get_release
 from sim.views import rerun_viewer  # noqa: F401
@@ -75,6 +76,7 @@ def run(arguments, folder):
 
 def main():
     cv2.setNumThreads(1)
+    beside.count_cores = lambda: 1  # a process beside that of a command takes seconds to start
     if (compiling := os.fork()) == 0:  # its memory would count as that of each command
         warm_up()
         os._exit(0)

@@ -1,7 +1,5 @@
 """Consistency of beliefs: normalised estimation error squared (NEES)."""
 
-from scipy.special import gammaincinv
-
 
 def nees_interval(count: int, dof: int) -> tuple[float, float]:
     """95 % interval of the mean NEES of `count` errors of `dof` dimensions for consistent beliefs.
@@ -14,6 +12,8 @@ def nees_interval(count: int, dof: int) -> tuple[float, float]:
     """
     if count < 1 or dof < 1:
         raise ValueError(f"count and dof must be at least 1, are {count} and {dof}")
+    from scipy.special import gammaincinv
+
     # Quantiles of the chi-square distribution; `scipy.stats` has them, too, but takes half a second to import.
     low, high = 2.0 * gammaincinv(count * dof / 2, [(1 - 0.95) / 2, (1 + 0.95) / 2]) / count
     return float(low), float(high)

@@ -26,7 +26,7 @@ class Outcome:
 
     Attributes:
         recording: the recording.
-        seconds: wall time [s] of each stage, `start_up` and `page`.
+        seconds: wall time [s] of each stage, and `start_up`; a summary also has `page` and `other`, and they add up.
         wall_s: total wall time [s].
         faults: faults of the mission, breakdowns included.
         planning_s: wall time [s] of each decision.

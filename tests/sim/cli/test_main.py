@@ -12,7 +12,7 @@ from helpers.recordings import record
 
 from planning.catalogue import PLANNERS
 from sim.__main__ import COMMANDS
-from sim.cli.run import show_run
+from sim.cli.run_flight import show_run
 from sim.mission.archive import save
 from sim.scenario.loading import SCENARIOS
 from sim.study.definition import STUDIES
@@ -76,7 +76,7 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path, monkeypa
 
 
 def test_a_fault_of_several_uavs_is_shown_once_and_further_kinds_are_counted(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("sim.cli.run.make_results_table", lambda summary: "")
+    monkeypatch.setattr("sim.cli.run_flight.make_results_table", lambda summary: "")
     blind = [
         {"time": 0.1 * k, "uav": uav, "message": "ValueError: no", "trace": ["mine.py:4, in detect: raise"]}
         for k in range(2)

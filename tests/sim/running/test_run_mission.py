@@ -71,7 +71,7 @@ def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path,
     with pytest.raises(KeyboardInterrupt):
         run_mission(trial(), tmp_path / "new" / "out", progress=interrupting(4, 4))
     assert names(tmp_path) == ["out"]
-    monkeypatch.setattr(module, "warm_up", lambda: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr(module, "warm_up", lambda renders: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
         run_mission(trial(), tmp_path / "other")
     assert names(tmp_path) == ["out"]
@@ -82,7 +82,7 @@ def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp
 
     def interrupted(*arguments):
         signal.raise_signal(signal.SIGINT)
-        write(*arguments)
+        return write(*arguments)
 
     monkeypatch.setattr(module, "write_results", interrupted)
     before = signal.getsignal(signal.SIGINT)
@@ -100,9 +100,8 @@ def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp
     ],
 )
 def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_path, sign, number):
-    process = python(
-        "-m", "sim", "run", "--planner", "hover", "--set", "sensing.mode=ideal", "--out", tmp_path / "out", started=True
-    )
+    words = "-m sim run --planner hover --set sensing.mode=ideal --duration 10min --out".split()
+    process = python(*words, tmp_path / "out", started=True)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob(f".out.{sign}")) and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -111,7 +110,7 @@ def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_p
     if process.returncode == 0:
         assert names(tmp_path) == ["out"] and names(tmp_path / "out") == FILES
         recording = load_recording(tmp_path / "out" / "mission.npz")
-        assert recording.interrupted and 1 <= len(recording.times) < 201
+        assert recording.interrupted and 1 <= len(recording.times) < 3001
         assert json.loads((tmp_path / "out" / "summary.json").read_text())["interrupted"]
         assert frames_of(tmp_path / "out" / "mission.mp4") == ("h264", len(recording.times))
     else:
