@@ -163,7 +163,7 @@ CHANCE = {"standard_normal", "normal", "exponential", "standard_exponential", "g
 CHANCE |= {"poisson", "binomial", "gumbel", "laplace", "logistic", "lognormal", "negative_binomial", "rayleigh"}
 CHANCE |= {"standard_t"}
 FOREIGN = {"scipy", "math"}
-LIBRARIES = {"scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
+LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
 BESIDE = {"planning/testing/made_up_teams.py", "planning/planner_check.py"}
 

@@ -37,7 +37,6 @@ from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.fusion.member import Member
 from tracking.geometry.camera import Pose
-from tracking.numerics.assignment import assign
 from tracking.numerics.compiled import code_folder, find_uncompiled, functions, take_code
 from tracking.testing.stage import FOREST, make_scan
 from tracking.track import Track
@@ -180,12 +179,11 @@ def _detect() -> None:
 
 
 def _move() -> None:
-    """People who walk, UAVs that fly in wind, and their errors."""
+    """People who walk, UAVs that fly in wind."""
     scenario = Scenario(duration=0.2, trees=Trees(density=5.0), wind=Wind(gust=1.0))
     forest, people = make_forest_and_people(scenario, 0)
     with World(scenario, forest, people.positions.shape[1]) as world:
         world.advance(np.zeros((len(scenario.uavs), 2)), 2, np.zeros((2, 2)))
-    assign(np.zeros((1, 1)))  # of tracks to people, by whom they are judged
 
 
 # The longest first, so that all processes end at about the same time.

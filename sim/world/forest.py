@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from sim.scenario.environment import Area, Trees
 from tracking.errors import InputError
@@ -147,14 +148,6 @@ def _fits(centre: Array, radius: float, centres: Array, radii: Array) -> bool:
     return True
 
 
-@compiled
 def _are_apart(points: Array, others: Array, distance: float) -> Flags:
     """Mask (n,) of the points (n, 2) m that are at least a distance [m] from all others (m, 2) m."""
-    apart = np.ones(len(points), dtype=np.bool_)
-    for i in range(len(points)):
-        for k in range(len(others)):
-            east, north = others[k, 0] - points[i, 0], others[k, 1] - points[i, 1]
-            if math.sqrt(east * east + north * north) < distance:
-                apart[i] = False
-                break
-    return apart
+    return np.asarray(cKDTree(others).query(points)[0] >= distance)

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from sim.scenario.csv_tables import RowErrors, TableRow, read_csv
 from sim.scenario.environment import MOST_LEAVES, STANDS, Trees
@@ -202,7 +202,7 @@ def _group_stems(places: Array, rows: Sequence[TableRow], missing: Trees, name: 
     if not len(places):
         return []
     spots, spot = np.unique(places, axis=0, return_inverse=True)
-    gaps, near = _make_kd_tree(spots).query(spots, range(1, 9), distance_upper_bound=_SAME_PLACE)
+    gaps, near = cKDTree(spots).query(spots, range(1, 9), distance_upper_bound=_SAME_PLACE)
     first = list(range(len(spots)))  # of the spots of a tree, which are joined one by one
     for one, nth in np.argwhere(np.isfinite(gaps)).tolist():
         ends = sorted(_find_first(first, k) for k in (one, int(near[one, nth])))
@@ -301,7 +301,7 @@ def _doubt(found: StemMap, rows: Sequence[TableRow], name: str) -> Iterator[str]
     if len(found.trees) > 2 and extent < _SMALLEST:
         yield f"{name}: all stems are within {spell(extent, 2)} m; {_DEGREES}"
     if len(found.trees) >= _MANY:
-        gap = float(np.median(_make_kd_tree(found.places).query(found.places, 2)[0][:, 1]))
+        gap = float(np.median(cKDTree(found.places).query(found.places, 2)[0][:, 1]))
         if gap > _SPARSE:
             yield f"{name}: the next stem is {spell(gap, 3)} m away in the median; x_cm and y_cm give units"
 
@@ -368,22 +368,13 @@ def _check_heights(found: StemMap, scenario: Scenario) -> None:
             )
 
 
-def _make_kd_tree(places: Array) -> Any:  # noqa: ANN401 - SciPy's class, which is not typed
-    """A tree of places (N, 2) m that finds the nearest ones; its import takes 0.1 s, and few forests need it."""
-    from scipy.spatial import cKDTree
-
-    return cKDTree(places)
-
-
 def _check_paths(found: StemMap, recorded: Trajectories) -> None:
     there = ~np.isnan(recorded.positions[..., 0])
     if not there.any():
         return
     radii = np.array([tree.trunk_radius for tree in found.trees] + [0.0])  # the last one stands for no tree
     # Of overlapping trunks the nearest axis may be that of a thinner one.
-    gaps, stems = _make_kd_tree(found.places).query(
-        recorded.positions[there], [1, 2, 3], distance_upper_bound=radii.max()
-    )
+    gaps, stems = cKDTree(found.places).query(recorded.positions[there], [1, 2, 3], distance_upper_bound=radii.max())
     inside = gaps < radii[stems]
     if inside.any():
         n, nth = np.argwhere(inside)[0]

@@ -5,6 +5,7 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from sim.facts.metrics.holding import FAR
 from sim.facts.metrics.score import Score
@@ -14,7 +15,6 @@ from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Track, beliefs_of
 
-_ROUNDING = 1e-6  # m, more than the rounding of coordinates
 # Sources of squared GOSPA, from the fleet's knowledge of the people behind it.
 SOURCES = {
     "not_found_yet": "missed people whom no UAV has held so far",
@@ -150,11 +150,7 @@ def find_people_in_the_open(people: Array, trees: Array) -> Flags:
     """Mask (K, M) of people (K, M, 2) m, NaN if absent, under no canopy; trees (T, 6 or 7) as recorded."""
     free = ~np.isnan(people[..., 0])
     rows = np.flatnonzero(free)
-    rows = rows[np.argsort(people[free][:, 0], kind="stable")]  # from west to east
-    places = people.reshape(-1, 2)[rows]
-    for tree in trees[:, :3]:
-        west, east = np.searchsorted(places[:, 0], [tree[0] - tree[2] - _ROUNDING, tree[0] + tree[2] + _ROUNDING])
-        away = places[west:east] - tree[:2]
-        covered = (away * away).sum(axis=1) <= tree[2] * tree[2]
-        free.flat[rows[west:east][covered]] = False
+    if len(rows) and len(trees):
+        for covered in cKDTree(people[free]).query_ball_point(trees[:, :2], trees[:, 2]):
+            free.flat[rows[covered]] = False
     return free
