@@ -111,19 +111,29 @@ def _describe_end(error: BaseException, timeout: float | None) -> str:
     """How a task ended whose process died or was killed."""
     if not isinstance(error, ProcessExpired):
         return f"took longer than the timeout of {timeout:g} s"
-    if error.exitcode < 0:
+    return f"its process {describe_exit(error.exitcode)}"
+
+
+def describe_exit(code: int) -> str:
+    """How a process ended by its exit code, which is negative for signals: "was killed by SIGKILL"."""
+    if code < 0:
         with suppress(ValueError):
-            return f"its process was killed by {signal.Signals(-error.exitcode).name}"
-    return f"its process ended by itself, with exit code {error.exitcode}"
+            return f"was killed by {signal.Signals(-code).name}"
+    return f"ended by itself, with exit code {code}"
 
 
 def _begin(prepare: Callable[..., object], arguments: tuple[object, ...]) -> None:
     """Prepare a worker, and let it end when its parent process does."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     prepare(*arguments)
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """Let this process end when its parent process does, however that ends."""
+    threading.Thread(target=_wait_for_parent, daemon=True).start()
+
+
+def _wait_for_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

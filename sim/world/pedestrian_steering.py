@@ -141,11 +141,11 @@ def _decide(state: Array, goal: float, decision: float, pace: float, hazards: Ar
         costs[n] = to_goal * to_goal + _PERSISTENCE * to_decision * to_decision
     # Conflicts only add to costs. So the best heading is found once the best one so far has been rated, and the offset
     # needs those beside it.
-    best = np.argmin(costs)
+    best = int(np.argmin(costs))
     while not rated[best]:
         costs[best] += _rate_conflict(state, state[2] + (best - _HEADINGS // 2) * _SPREAD, pace, hazards, half)
         rated[best] = True
-        best = np.argmin(costs)
+        best = int(np.argmin(costs))
     for n in range(max(best - 1, 0), min(best + 2, _HEADINGS)):
         if not rated[n]:
             costs[n] += _rate_conflict(state, state[2] + (n - _HEADINGS // 2) * _SPREAD, pace, hazards, half)
