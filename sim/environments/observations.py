@@ -34,7 +34,8 @@ class Observations:
       probability of existence, time [s] since the last known sure detection or, if there is none, since the start;
     - `neighbours` (N, 6): offset east, north and up [m], velocity [m/s], edge [m]; missing in a fleet of one;
     - `trees` (K, 3): offset east and north, radius of the canopy [m];
-    - `undetected` (rows, columns): expected number of undetected people in each cell, rows from south to north.
+    - `undetected` (rows, columns): expected number of undetected people in each cell, rows from south to north, if it
+      is asked for.
 
     Attributes:
         neighbours: number of rows of neighbours, such as the size of the fleet minus one.
@@ -44,6 +45,7 @@ class Observations:
             `tracks`, `tracks_mask`, `trees`, `trees_mask`, `undetected` and, of a team, `working`, each row by row.
         scaled: True for lengths in halves of the area's longer edge, speeds in the UAV's speed limit, covariances in
             100 m² and times in minutes, all of them cut off at -1 and 1, and numbers of people at 1.
+        undetected: True for the map of undetected people, which has far more numbers than all the rest.
     """
 
     neighbours: int
@@ -51,13 +53,14 @@ class Observations:
     trees: int = 10
     flat: bool = False
     scaled: bool = False
+    undetected: bool = False
 
     def __post_init__(self) -> None:
         for name, least in (("neighbours", 0), ("tracks", 1), ("trees", 1)):
             rows = getattr(self, name)
             if not isinstance(rows, int | np.integer) or isinstance(rows, bool) or not least <= rows <= _MOST_ROWS:
                 raise InputError(f"{name} {rows!r} is not allowed; expected an integer, {least} to {_MOST_ROWS}")
-        for name in ("flat", "scaled"):
+        for name in ("flat", "scaled", "undetected"):
             check_flag(name, getattr(self, name))
 
     def of(self, situation: Situation) -> Any:  # noqa: ANN401 - arrays by name, or a vector
@@ -95,10 +98,10 @@ class Observations:
         found: Observed = {"own": _float32(own)}
         for name, (rows, most) in parts.items():
             found[name], found[f"{name}_mask"] = _pad(rows, most)
-        undetected = situation.undetected
-        found["undetected"] = _float32(
-            np.zeros(raster_shape(situation.area)) if undetected is None else undetected.people
-        )
+        if self.undetected:
+            known = situation.undetected
+            people = np.zeros(raster_shape(situation.area)) if known is None else known.people
+            found["undetected"] = _float32(people)
         return found | _scale(found, situation) if self.scaled else found
 
 
