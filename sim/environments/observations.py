@@ -1,5 +1,6 @@
 """Observations: knowledge of a UAV as arrays of fixed shape, for training and for planners with a trained policy."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ from planning.planner import Situation, Vehicle
 from tracking.errors import InputError
 from tracking.geometry.camera import ALL_ROUND
 from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 from tracking.track import beliefs_of
 from tracking.undetected import raster_shape
 
@@ -20,6 +22,7 @@ NEIGHBOUR = ("dx", "dy", "dz", "vx", "vy", "edge")
 TREE = ("dx", "dy", "radius")
 Observed = dict[str, Any]  # arrays by name
 _MOST_ROWS = 10_000
+_SPREAD = [0, 1, 5]  # xx, xy and yy in a covariance of four by four
 _VARIANCE, _DURATION = 100.0, 60.0  # m² and s that scaled observations give as 1
 
 
@@ -87,11 +90,10 @@ class Observations:
         here = situation.own.position
         own = np.array([*here, *situation.own.velocity, _measure_edge(situation, situation.own)])
         others = [[*(v.position - here), *v.velocity, _measure_edge(situation, v)] for v in situation.neighbours]
-        canopies = situation.forest.canopies[:, :3]
         parts = {
             "tracks": (_make_track_rows(situation), self.tracks),
-            "neighbours": (np.array(others).reshape(-1, len(NEIGHBOUR)), self.neighbours),
-            "trees": (canopies - np.append(here[:2], 0.0), self.trees),
+            "neighbours": (np.array(others, dtype=float).reshape(-1, len(NEIGHBOUR)), self.neighbours),
+            "trees": (situation.forest.canopies[:, :3] - [here[0], here[1], 0.0], self.trees),
         }
         if not self.neighbours:
             del parts["neighbours"]
@@ -132,19 +134,26 @@ def _flatten(found: Observed) -> NDArray[np.float32]:
 def _make_track_rows(situation: Situation) -> Array:
     """Rows (T, 9) of the tracks."""
     means, covariances = beliefs_of(situation.tracks)
-    existence = [track.existence for track in situation.tracks]
-    seen = np.array([track.sighting[2] for track in situation.tracks], dtype=float)
-    offsets = means[:, :2] - situation.own.position[:2]
-    spreads = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
-    return np.column_stack([offsets, means[:, 2:], *spreads, existence, situation.time - np.nan_to_num(seen)])
+    rows = np.empty((len(means), len(TRACK)))
+    rows[:, :4] = means
+    rows[:, :2] -= situation.own.position[:2]
+    rows[:, 4:7] = covariances.reshape(-1, 16)[:, _SPREAD]
+    rows[:, 7] = [track.existence for track in situation.tracks]
+    seen = [0.0 if math.isnan(track.sighting[2]) else track.sighting[2] for track in situation.tracks]
+    rows[:, 8] = situation.time - np.array(seen, dtype=float)
+    return rows
 
 
+@compiled
 def _pad(rows: Array, most: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
     """The `most` nearest rows by the offset with which each begins, padded with zeros, and their mask."""
-    nearest = np.argsort(np.square(rows[:, :2]).sum(axis=1), kind="stable")[:most]
     table, mask = np.zeros((most, rows.shape[1]), dtype=np.float32), np.zeros(most, dtype=np.int8)
-    table[: len(nearest)] = rows[nearest]
-    mask[: len(nearest)] = 1
+    left = np.empty(len(rows))
+    for n in range(len(rows)):
+        left[n] = rows[n, 0] * rows[n, 0] + rows[n, 1] * rows[n, 1]
+    for k in range(min(most, len(rows))):
+        nearest = np.argmin(left)
+        table[k], mask[k], left[nearest] = rows[nearest], 1, np.inf
     return table, mask
 
 

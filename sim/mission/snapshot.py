@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +42,6 @@ class Snapshot:
     tracks: list[tuple[Track, ...]]
     plans: list[Plan] | None  # made at this scan
     flown: FlownPlans | None = None  # from this scan on, as `Scenario.find_flown` says; None before the first are due
-    ospa: Array  # (n, 3) m: distance, localisation, cardinality
     visible: Indices  # (n, M) number of pixels that show each person in the image
     matched: Flags  # (n, M) True if the person was detected in that camera
     contacts: tuple[Contact, ...] = ()  # since the previous scan
@@ -49,6 +49,13 @@ class Snapshot:
     plan_bytes: Indices  # (n,) sent to neighbours for the plans of this scan
     plan_rounds: int  # number of rounds in which these plans were sent
     faults: tuple[Fault, ...] = ()  # of planner and detectors at this scan, and breakdowns since the previous one
+    known_ospa: Array | None = None  # `ospa`, if it is known, as from a recording
+
+    @cached_property
+    def ospa(self) -> Array:
+        """Distance, localisation and cardinality (n, 3) m of each UAV's error; NaN of those that do not work."""
+        known = self.known_ospa
+        return measure_errors(self.tracks, self.working, self.people) if known is None else known
 
     @property
     def error(self) -> float:

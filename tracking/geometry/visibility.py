@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tracking.geometry.leaf_gaps import USUAL_PIXEL, USUAL_SLOPE, detectability, detectable_share
-from tracking.geometry.lens import Lens, in_image, pixel_size
+from tracking.geometry.lens import Lens, in_image, lens_of, pixel_size
 from tracking.geometry.line_of_sight import Grid, cylinder_of, free_share, make_grid, optical_depth
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -173,6 +173,14 @@ class Forest:
         """
         return _find_detectabilities(lens, np.ascontiguousarray(points, dtype=float), self.blockers, self.grid)
 
+    def find_shown(self, optics: Array, positions: Array, quaternions: Array, points: Array) -> Array:
+        """Probabilities (C, N) that cameras detect people at points (N, 3) m: `detectabilities`, 0 out of the image.
+
+        optics (C, 12): `Optics.numbers` of each camera; positions (C, 3) m and quaternions (C, 4): their poses. Nobody
+        is at points that are NaN.
+        """
+        return _find_shown(optics, positions, quaternions, points, self.blockers, self.grid)
+
     def detectabilities_through_leaves(self, lens: Lens, points: Array) -> Array:
         """`detectabilities` (N,) if there were only the porous solids."""
         leaves, grid = self._leaves
@@ -211,6 +219,21 @@ def _find_detectabilities(lens: Lens, points: Array, cylinders: Array, grid: Gri
         point = points[j, 0], points[j, 1], points[j, 2]
         out[j] = detectability(lens.eye, point, pixel_size(lens, point), cylinders, grid)
     return out
+
+
+@compiled
+def _find_shown(
+    optics: Array, positions: Array, quaternions: Array, points: Array, cylinders: Array, grid: Grid
+) -> Array:
+    """Probabilities (C, N) that C cameras detect people at points (N, 3) among cylinders (B, 6); 0 out of the image."""
+    shown = np.zeros((len(optics), len(points)))
+    for i in range(len(optics)):
+        lens = lens_of(optics[i], positions[i], quaternions[i])
+        for j in range(len(points)):
+            point = points[j, 0], points[j, 1], points[j, 2]
+            if not math.isnan(point[0]) and in_image(point, lens):
+                shown[i, j] = detectability(lens.eye, point, pixel_size(lens, point), cylinders, grid)
+    return shown
 
 
 @compiled
@@ -273,12 +296,13 @@ def visible_samples(forest: Forest, means: Array, covariances: Array, *frames: L
     views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
     for k, lens in enumerate(frames):
         if lens:
-            views[:, k] = _see_samples(means, roots, lens, forest.blockers, forest.grid)
+            views[:, k] = see_samples(means, roots, lens, forest.blockers, forest.grid)
     return views
 
 
 @compiled
-def _see_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
+def see_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
+    """Flags (N, 36) of the samples that a frame shows, of beliefs with means (N, 2) m and `roots` L (N, 2, 2) m."""
     seen = np.empty((len(means), len(SAMPLES)), dtype=np.bool_)
     for i in range(len(means)):
         for k in range(len(SAMPLES)):
