@@ -104,13 +104,10 @@ class Sensors:
         """The measurements of exposed shots of one scan, in the order of their UAVs."""
         outputs = self._sense_all(shots)
         scans = self._make_scans(shots, outputs)
-        kept = self._clutter.draw_kept(sum(len(output.ground) for output in outputs))
-        readings, first = [], 0
-        for shot, output, scan in zip(shots, outputs, scans, strict=True):
-            last = first + len(output.ground)
-            readings.append(self._complete(shot, output, scan, np.flatnonzero(kept[first:last])))
-            first = last
-        return readings
+        ends = list(accumulate((len(output.ground) for output in outputs), initial=0))
+        drawn = self._clutter.draw_kept(ends[-1])
+        kept = [np.flatnonzero(drawn[first:last]) for first, last in pairwise(ends)]
+        return list(map(self._complete, shots, outputs, scans, kept))
 
     @staticmethod
     def rest(shot: Shot) -> Reading:
