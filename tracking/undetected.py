@@ -9,9 +9,8 @@ import numpy as np
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import ALL_ROUND, Look
 from tracking.geometry.lens import Lens, pixel_ray
-from tracking.geometry.line_of_sight import Grid
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import SAMPLES, Forest, see_samples
+from tracking.geometry.visibility import SAMPLES, Forest, Occluders, see_samples
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
@@ -78,7 +77,7 @@ class UndetectedIntensity:
         for camera, pose in frames if people.any() else ():
             outline = camera.outline if camera.fov < ALL_ROUND else np.zeros((0, 2))
             thinned, raster = people.copy(), (self.belief.low, self.belief.cell)
-            if _thin(thinned, *raster, outline, camera.lens(pose), self._detection, forest.blockers, forest.grid):
+            if _thin(thinned, *raster, outline, camera.lens(pose), self._detection, forest.occluders):
                 people = thinned
         self.belief = Intensity(people, self.belief.low, self.belief.cell)
         self._tracks = {track.id: track.belief for track in tracks}
@@ -116,8 +115,7 @@ def _thin(
     outline: Array,
     lens: Lens,
     detection: float,
-    cylinders: Array,
-    grid: Grid,
+    occluders: Occluders,
 ) -> bool:
     """Thin expected people (rows, columns), in place, by a frame that shows no undetected person; False if none may be.
 
@@ -125,14 +123,14 @@ def _thin(
     """
     found = False
     first, last = _find_window(people.shape, low, cell, outline, lens)
-    # Roots of the variances of a uniform distribution over a cell.
-    mean, roots = np.empty((1, 2)), np.zeros((1, 2, 2))
-    roots[0, 0, 0], roots[0, 1, 1] = math.sqrt(cell[0] * cell[0] / 12.0), math.sqrt(cell[1] * cell[1] / 12.0)
+    mean, spread = np.empty((1, 2)), np.zeros((1, 2, 2))
+    for axis in range(2):
+        spread[0, axis, axis] = cell[axis] * cell[axis] / 12.0  # variance of a uniform distribution over a cell
     for row in range(first[1], last[1]):
         for column in range(first[0], last[0]):
             if people[row, column] != 0.0:
                 mean[0, 0], mean[0, 1] = low[0] + cell[0] * (column + 0.5), low[1] + cell[1] * (row + 0.5)
-                share = np.sum(see_samples(mean, roots, lens, cylinders, grid)) / len(SAMPLES)
+                share = np.sum(see_samples(mean, spread, lens, occluders)) / len(SAMPLES)
                 people[row, column] *= 1.0 - detection * share
                 found = True
     return found

@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 
 from sim.environments.mission_environment import Observation
 from sim.environments.team import TeamEnv
-from sim.processes.workers import count_cores, describe_exit, end_with_parent
+from sim.processes.cores import count_cores
+from sim.processes.exits import describe_exit
+from sim.processes.workers import end_with_parent
 from tracking.errors import InputError
 
 _PATIENCE = 5.0  # s, after which a process that does not end by itself is killed

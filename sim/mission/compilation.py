@@ -27,7 +27,7 @@ from sim.installation import ROOT
 from sim.mission.tracker_fleet import make_trackers
 from sim.mission.tracker_setup import make_planned_motion
 from sim.mission.world_setup import make_forest_and_people
-from sim.processes.workers import count_cores
+from sim.processes.cores import count_cores
 from sim.scenario.environment import Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.sensing.detector_check import stage_frames

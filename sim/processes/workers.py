@@ -8,7 +8,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, TimeoutError
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from itertools import count, takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +17,7 @@ from typing import TypeVar
 from pebble import ProcessExpired, ProcessPool
 
 from sim.installation import ROOT
+from sim.processes.exits import describe_exit
 
 Result = TypeVar("Result")
 CONTEXT = multiprocessing.get_context("spawn")
@@ -100,26 +101,11 @@ def start_workers(number: int, prepare: Callable[..., object], *arguments: objec
             pool.join()
 
 
-def count_cores() -> int:
-    """Number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def _describe_end(error: BaseException, timeout: float | None) -> str:
     """How a task ended whose process died or was killed."""
     if not isinstance(error, ProcessExpired):
         return f"took longer than the timeout of {timeout:g} s"
     return f"its process {describe_exit(error.exitcode)}"
-
-
-def describe_exit(code: int) -> str:
-    """How a process ended by its exit code, which is negative for signals: "was killed by SIGKILL"."""
-    if code < 0:
-        with suppress(ValueError):
-            return f"was killed by {signal.Signals(-code).name}"
-    return f"ended by itself, with exit code {code}"
 
 
 def _begin(prepare: Callable[..., object], arguments: tuple[object, ...]) -> None:

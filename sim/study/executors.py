@@ -9,7 +9,8 @@ from functools import partial
 from typing import Any, ParamSpec, TypeVar, cast
 
 from sim.mission.warmup import warm_up
-from sim.processes.workers import Workers, count_cores, start_workers
+from sim.processes.cores import count_cores
+from sim.processes.workers import Workers, start_workers
 from sim.study.store import StoreError
 from sim.terminal.console import print_remarks
 from tracking.errors import InputError
