@@ -427,7 +427,8 @@ def parallel_env(
             variances; `"true_gospa"`: negative true GOSPA; or a function of a `Situation` and of the true positions
             (M, 2) m. The last two use ground truth and are for training only.
         observe: Numbers of rows of `tracks` and `trees`, 10 each by default; True for `image` adds the frame, True for
-            `flat` gives one vector, and True for `scaled` numbers from -1 to 1, as in `understory.Observations`.
+            `undetected` the map of people not found yet, True for `flat` gives one vector, and True for `scaled`
+            numbers from -1 to 1, as in `understory.Observations`.
         render_mode: With `"rgb_array"`, `render()` returns frames like those of films, which show the true people.
 
     Raises:

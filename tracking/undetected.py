@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracking.filter.kalman import Gaussian
-from tracking.geometry.camera import ALL_ROUND, Camera, Look, Pose
+from tracking.geometry.camera import ALL_ROUND, Look
+from tracking.geometry.lens import Lens, pixel_ray
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest, visible_samples
+from tracking.geometry.visibility import SAMPLES, Forest, Occluders, see_samples
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
@@ -74,32 +75,12 @@ class UndetectedIntensity:
             people = _blur(people, sigma / width).T  # reflection keeps all people in the area
         people = people + self._recycle(tracks)
         for camera, pose in frames if people.any() else ():
-            people = self._thin(people, camera, pose, forest)
+            outline = camera.outline if camera.fov < ALL_ROUND else np.zeros((0, 2))
+            thinned, raster = people.copy(), (self.belief.low, self.belief.cell)
+            if _thin(thinned, *raster, outline, camera.lens(pose), self._detection, forest.occluders):
+                people = thinned
         self.belief = Intensity(people, self.belief.low, self.belief.cell)
         self._tracks = {track.id: track.belief for track in tracks}
-
-    def _thin(self, people: Array, camera: Camera, pose: Pose, forest: Forest) -> Array:
-        """Expected people (rows, columns) after a frame that shows no undetected person."""
-        window, cell = self._find_window(camera, pose), np.array(self.belief.cell)
-        if people[window].any():
-            centres = self.belief.centres()[window]
-            each = centres.reshape(-1, 2)
-            # Variance of a uniform distribution over a cell.
-            evenly = np.tile(np.diag(np.square(cell) / 12.0), (len(each), 1, 1))
-            share = visible_samples(forest, each, evenly, camera.lens(pose))[:, 0].mean(axis=1)
-            people = people.copy()
-            people[window] *= 1.0 - self._detection * share.reshape(centres.shape[:2])
-        return people
-
-    def _find_window(self, camera: Camera, pose: Pose) -> tuple[slice, slice]:
-        """Rows and columns of the cells that a camera may see."""
-        shown = camera.footprint(pose, TARGET_HEIGHT) if camera.fov < ALL_ROUND else np.full((4, 2), np.nan)
-        if np.isnan(shown).any():  # the view is all round or reaches above the horizon
-            return slice(None), slice(None)
-        low, cell = np.array(self.belief.low), np.array(self.belief.cell)
-        first = np.maximum(((shown.min(axis=0) - low) // cell).astype(int), 0)
-        last = np.maximum(((shown.max(axis=0) - low) // cell).astype(int) + 1, first)
-        return slice(first[1], last[1]), slice(first[0], last[0])
 
     def _recycle(self, tracks: Sequence[Track]) -> Array | float:
         """Expected people (rows, columns) of tracks that have ended since the last step."""
@@ -124,6 +105,65 @@ class UndetectedIntensity:
             share = share if share.any() else np.ones(count)  # so wide that the cells are nothing in it
             shares.append(share / share.sum())
         return np.outer(*shares)
+
+
+@compiled
+def _thin(
+    people: Array,
+    low: tuple[float, float],
+    cell: tuple[float, float],
+    outline: Array,
+    lens: Lens,
+    detection: float,
+    occluders: Occluders,
+) -> bool:
+    """Thin expected people (rows, columns), in place, by a frame that shows no undetected person; False if none may be.
+
+    low and cell as in `Intensity`; outline (N, 2): pixels around the image, none of a view all round.
+    """
+    found = False
+    first, last = _find_window(people.shape, low, cell, outline, lens)
+    mean, spread = np.empty((1, 2)), np.zeros((1, 2, 2))
+    for axis in range(2):
+        spread[0, axis, axis] = cell[axis] * cell[axis] / 12.0  # variance of a uniform distribution over a cell
+    for row in range(first[1], last[1]):
+        for column in range(first[0], last[0]):
+            if people[row, column] != 0.0:
+                mean[0, 0], mean[0, 1] = low[0] + cell[0] * (column + 0.5), low[1] + cell[1] * (row + 0.5)
+                share = np.sum(see_samples(mean, spread, lens, occluders)) / len(SAMPLES)
+                people[row, column] *= 1.0 - detection * share
+                found = True
+    return found
+
+
+@compiled
+def _find_window(
+    shape: tuple[int, int], low: tuple[float, float], cell: tuple[float, float], outline: Array, lens: Lens
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Column and row of the first cell that an image may show, and those after the last."""
+    whole = (0, 0), (shape[1], shape[0])
+    if len(outline) == 0:
+        return whole
+    west = south = math.inf
+    east = north = -math.inf
+    for k in range(len(outline)):
+        ray = pixel_ray(lens, outline[k, 0], outline[k, 1])
+        down = TARGET_HEIGHT - lens.eye[2]
+        if not ray[2] * down > 0.0:  # above the horizon
+            return whole
+        x, y = lens.eye[0] + down / ray[2] * ray[0], lens.eye[1] + down / ray[2] * ray[1]
+        west, east, south, north = min(west, x), max(east, x), min(south, y), max(north, y)
+    columns = _find_cells(west, east, low[0], cell[0], shape[1])
+    rows = _find_cells(south, north, low[1], cell[1], shape[0])
+    return (columns[0], rows[0]), (columns[1], rows[1])
+
+
+@compiled
+def _find_cells(least: float, most: float, low: float, size: float, count: int) -> tuple[int, int]:
+    """The first cell with places from `least` to `most`, and the one after the last."""
+    first, last = (least - low) / size, (most - low) / size  # may be far away
+    begin = math.floor(min(max(first, 0.0), count))
+    return begin, min(max(math.floor(min(max(last, -1.0), count)) + 1, begin), count)
 
 
 @compiled

@@ -23,7 +23,7 @@ from tracking.numerics.arrays import Array
 from tracking.undetected import raster_shape
 
 RENDER_MODES = ["rgb_array"]
-_OBSERVE = {"tracks": 10, "trees": 10, "image": False, "flat": False, "scaled": False}
+_OBSERVE = {"tracks": 10, "trees": 10, "image": False, "flat": False, "scaled": False, "undetected": False}
 _REPORTED = 2**32  # seeds below this are reserved for reports
 _OPTIONS = ("repeat", "settings")  # of `reset`
 # Columns of UAVs and people in the true state.
@@ -62,7 +62,8 @@ class MissionEnvironment:
         self._flat: bool = rows["flat"]
         self._check(self._scenario)
         self._uavs = range(len(self._scenario.uavs))
-        self._observations = Observations(len(self._uavs) - 1, rows["tracks"], rows["trees"], scaled=rows["scaled"])
+        seen = {name: rows[name] for name in ("tracks", "trees", "scaled", "undetected")}
+        self._observations = Observations(len(self._uavs) - 1, **seen)
         self._spaces = self._make_observation_spaces(self._scenario)  # one per UAV
         self._reward = find_reward(reward)
         self.metadata = {
@@ -137,9 +138,13 @@ class MissionEnvironment:
         number, repeat = parse_seed_and_repeat(0 if seed is None else seed, given.get("repeat", 0))
         scenario = change_settings(self._scenario, given.get("settings"))
         self._check(scenario)
-        if scenario is not self._scenario and self._make_observation_spaces(scenario) != self._spaces:
+        if scenario is not self._scenario and not self._looks_alike(scenario):
             raise InputError("options: settings of other area, uavs or pixels need an environment of their own")
         return Asked(scenario, None if seed is None else number, repeat)
+
+    def _looks_alike(self, scenario: Scenario) -> bool:
+        """True if a scenario has this environment's observations, in the same area, by which numbers may be scaled."""
+        return scenario.area == self._scenario.area and self._make_observation_spaces(scenario) == self._spaces
 
     def _start(self, asked: Asked, rng: np.random.Generator) -> Episode:
         """Start an episode; its seed is drawn from `rng` if none was asked for.
@@ -213,7 +218,8 @@ class MissionEnvironment:
         for name, (rows, columns) in tables.items():
             found[name] = _make_real_space(rows, len(columns), most=most)
             found[f"{name}_mask"] = make_mask_space(rows)
-        found["undetected"] = spaces.Box(0.0, most, raster_shape(area))
+        if o.undetected:
+            found["undetected"] = spaces.Box(0.0, most, raster_shape(area))
         if self._image:
             found["image"] = spaces.Box(0, 255, (*size[::-1], 3), np.uint8)
         return spaces.Dict(found)

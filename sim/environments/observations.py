@@ -1,5 +1,6 @@
 """Observations: knowledge of a UAV as arrays of fixed shape, for training and for planners with a trained policy."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ from planning.planner import Situation, Vehicle
 from tracking.errors import InputError
 from tracking.geometry.camera import ALL_ROUND
 from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 from tracking.track import beliefs_of
 from tracking.undetected import raster_shape
 
@@ -20,6 +22,7 @@ NEIGHBOUR = ("dx", "dy", "dz", "vx", "vy", "edge")
 TREE = ("dx", "dy", "radius")
 Observed = dict[str, Any]  # arrays by name
 _MOST_ROWS = 10_000
+_SPREAD = [0, 1, 5]  # xx, xy and yy in a covariance of four by four
 _VARIANCE, _DURATION = 100.0, 60.0  # m² and s that scaled observations give as 1
 
 
@@ -34,7 +37,8 @@ class Observations:
       probability of existence, time [s] since the last known sure detection or, if there is none, since the start;
     - `neighbours` (N, 6): offset east, north and up [m], velocity [m/s], edge [m]; missing in a fleet of one;
     - `trees` (K, 3): offset east and north, radius of the canopy [m];
-    - `undetected` (rows, columns): expected number of undetected people in each cell, rows from south to north.
+    - `undetected` (rows, columns): expected number of undetected people in each cell, rows from south to north, if it
+      is asked for.
 
     Attributes:
         neighbours: number of rows of neighbours, such as the size of the fleet minus one.
@@ -44,6 +48,7 @@ class Observations:
             `tracks`, `tracks_mask`, `trees`, `trees_mask`, `undetected` and, of a team, `working`, each row by row.
         scaled: True for lengths in halves of the area's longer edge, speeds in the UAV's speed limit, covariances in
             100 m² and times in minutes, all of them cut off at -1 and 1, and numbers of people at 1.
+        undetected: True for the map of undetected people, which has far more numbers than all the rest.
     """
 
     neighbours: int
@@ -51,13 +56,14 @@ class Observations:
     trees: int = 10
     flat: bool = False
     scaled: bool = False
+    undetected: bool = False
 
     def __post_init__(self) -> None:
         for name, least in (("neighbours", 0), ("tracks", 1), ("trees", 1)):
             rows = getattr(self, name)
             if not isinstance(rows, int | np.integer) or isinstance(rows, bool) or not least <= rows <= _MOST_ROWS:
                 raise InputError(f"{name} {rows!r} is not allowed; expected an integer, {least} to {_MOST_ROWS}")
-        for name in ("flat", "scaled"):
+        for name in ("flat", "scaled", "undetected"):
             check_flag(name, getattr(self, name))
 
     def of(self, situation: Situation) -> Any:  # noqa: ANN401 - arrays by name, or a vector
@@ -84,21 +90,20 @@ class Observations:
         here = situation.own.position
         own = np.array([*here, *situation.own.velocity, _measure_edge(situation, situation.own)])
         others = [[*(v.position - here), *v.velocity, _measure_edge(situation, v)] for v in situation.neighbours]
-        canopies = situation.forest.canopies[:, :3]
         parts = {
             "tracks": (_make_track_rows(situation), self.tracks),
-            "neighbours": (np.array(others).reshape(-1, len(NEIGHBOUR)), self.neighbours),
-            "trees": (canopies - np.append(here[:2], 0.0), self.trees),
+            "neighbours": (np.array(others, dtype=float).reshape(-1, len(NEIGHBOUR)), self.neighbours),
+            "trees": (situation.forest.canopies[:, :3] - [here[0], here[1], 0.0], self.trees),
         }
         if not self.neighbours:
             del parts["neighbours"]
         found: Observed = {"own": _float32(own)}
         for name, (rows, most) in parts.items():
             found[name], found[f"{name}_mask"] = _pad(rows, most)
-        undetected = situation.undetected
-        found["undetected"] = _float32(
-            np.zeros(raster_shape(situation.area)) if undetected is None else undetected.people
-        )
+        if self.undetected:
+            known = situation.undetected
+            people = np.zeros(raster_shape(situation.area)) if known is None else known.people
+            found["undetected"] = _float32(people)
         return found | _scale(found, situation) if self.scaled else found
 
 
@@ -129,19 +134,26 @@ def _flatten(found: Observed) -> NDArray[np.float32]:
 def _make_track_rows(situation: Situation) -> Array:
     """Rows (T, 9) of the tracks."""
     means, covariances = beliefs_of(situation.tracks)
-    existence = [track.existence for track in situation.tracks]
-    seen = np.array([track.sighting[2] for track in situation.tracks], dtype=float)
-    offsets = means[:, :2] - situation.own.position[:2]
-    spreads = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
-    return np.column_stack([offsets, means[:, 2:], *spreads, existence, situation.time - np.nan_to_num(seen)])
+    rows = np.empty((len(means), len(TRACK)))
+    rows[:, :4] = means
+    rows[:, :2] -= situation.own.position[:2]
+    rows[:, 4:7] = covariances.reshape(-1, 16)[:, _SPREAD]
+    rows[:, 7] = [track.existence for track in situation.tracks]
+    seen = [0.0 if math.isnan(track.sighting[2]) else track.sighting[2] for track in situation.tracks]
+    rows[:, 8] = situation.time - np.array(seen, dtype=float)
+    return rows
 
 
+@compiled
 def _pad(rows: Array, most: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
     """The `most` nearest rows by the offset with which each begins, padded with zeros, and their mask."""
-    nearest = np.argsort(np.square(rows[:, :2]).sum(axis=1), kind="stable")[:most]
     table, mask = np.zeros((most, rows.shape[1]), dtype=np.float32), np.zeros(most, dtype=np.int8)
-    table[: len(nearest)] = rows[nearest]
-    mask[: len(nearest)] = 1
+    left = np.empty(len(rows))
+    for n in range(len(rows)):
+        left[n] = rows[n, 0] * rows[n, 0] + rows[n, 1] * rows[n, 1]
+    for k in range(min(most, len(rows))):
+        nearest = np.argmin(left)
+        table[k], mask[k], left[nearest] = rows[nearest], 1, np.inf
     return table, mask
 
 

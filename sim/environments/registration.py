@@ -6,5 +6,8 @@ from sim.scenario.loading import SCENARIOS
 
 for _name in SCENARIOS:
     gymnasium.register(
-        f"understory/{_name.capitalize()}-v0", "sim.environments.team:TeamEnv", kwargs={"scenario": _name}
+        f"understory/{_name.capitalize()}-v0",
+        "sim.environments.team:TeamEnv",
+        vector_entry_point="sim.environments.vector:TeamVectorEnv",
+        kwargs={"scenario": _name},
     )

@@ -71,7 +71,7 @@ def track_flight(
             tracks=tracks,
             plans=None,
             # Where people are unknown, zeros; NaN of UAVs that do not work.
-            ospa=(1.0 if flight.people else 0.0) * measure_errors(tracks, working, people[k]),
+            known_ospa=(1.0 if flight.people else 0.0) * measure_errors(tracks, working, people[k]),
             visible=np.array([_find_shown(flight, i, scans.get(i), people[k]) for i in uavs], dtype=np.int64),
             matched=np.array([_find_detected(scan, people[k]) for scan in seen]),
             bytes_sent=sent,

@@ -13,6 +13,7 @@ from sim.mission.teammates import make_teammates
 from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_planned_motion
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
 from sim.world.quadrotor import COMMAND_LAG
 from tracking.geometry.camera import Look, Pose
 from tracking.geometry.quaternions import level_attitude, pitch
@@ -36,20 +37,25 @@ def vehicle_of(scenario: Scenario, i: int, body: BodyState) -> Vehicle:
     Note: planners assume the attitude of the camera in level flight at the present heading. For a body-fixed camera
     without mounting angle the heading is ignored and taken as east, with north up.
     """
-    uav, heading, rotation = scenario.uavs[i], 0.0, body.pose.rotation
+    return _move_vehicle(_make_vehicle(scenario, i), scenario.uavs[i], body)
+
+
+def _make_vehicle(scenario: Scenario, i: int) -> Vehicle:
+    """UAV i, wherever it is."""
+    lag = COMMAND_LAG if scenario.dynamics == "quadrotor" else 0.0
+    camera, noise = scenario.believed_camera(i), scenario.noise_model(i)
+    return Vehicle(i, np.zeros(3), camera, noise, scenario.uavs[i].max_speed, lag=lag)
+
+
+def _move_vehicle(vehicle: Vehicle, uav: Uav, body: BodyState) -> Vehicle:
+    """The vehicle of a UAV where its body is."""
+    heading = 0.0
     if uav.mount == "body" and uav.tilt_deg:
+        rotation = body.pose.rotation
         heading = arctan2(rotation[1, 0], rotation[0, 0])
     attitude = pitch(np.array(level_attitude(heading)), math.radians(uav.tilt_deg))
-    return Vehicle(
-        i,
-        body.pose.position.copy(),
-        scenario.believed_camera(i),
-        scenario.noise_model(i),
-        uav.max_speed,
-        attitude,
-        np.array(body.velocity),
-        COMMAND_LAG if scenario.dynamics == "quadrotor" else 0.0,
-    )
+    position, velocity = body.pose.position.copy(), np.array(body.velocity)
+    return replace(vehicle, position=position, attitude=attitude, velocity=velocity)
 
 
 class Knowledge:
@@ -69,7 +75,8 @@ class Knowledge:
         self._forest = forest
         # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
         self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
-        self._cameras = [scenario.believed_camera(i) for i in range(len(scenario.uavs))]
+        self._vehicles = [_make_vehicle(scenario, i) for i in range(len(scenario.uavs))]
+        self._cameras = [vehicle.camera for vehicle in self._vehicles]
         self.trackers = TrackerFleet(scenario, forest, initial)
         self._area = (scenario.area.width, scenario.area.height)
         settings = scenario.tracking
@@ -106,7 +113,7 @@ class Knowledge:
         bodies: the state of each UAV, as it believes it to be.
         """
         time = k / self._scenario.rates.sensing
-        fleet = [vehicle_of(self._scenario, i, body) for i, body in enumerate(bodies)]
+        fleet = list(map(_move_vehicle, self._vehicles, self._scenario.uavs, bodies))
         self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
         takes_time = self._scenario.network.takes_time
         heard = {i: links.find_heard(i, takes_time=takes_time) for i in working}

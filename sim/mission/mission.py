@@ -13,7 +13,7 @@ from sim.mission.fault import BREAKDOWN, Fault
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import draw_links
-from sim.mission.snapshot import FlownPlans, Snapshot, measure_errors
+from sim.mission.snapshot import FlownPlans, Snapshot
 from sim.mission.stopwatch import Stopwatch
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.world_setup import Air, draw_starts, make_forest_and_people
@@ -149,17 +149,16 @@ class Mission:
         believed = self._believe(cameras)
         heights = [own.position[2] - true.position[2] for own, true in zip(believed, cameras, strict=True)]
         self._altitude_errors = np.array(heights) if any(self._errors) else None  # m, by which control errs
-        readings = []
-        for i, pose in enumerate(cameras):
-            shot = Shot(i, k, time, pose, people, believed[i] if self._errors[i] else None)
-            if not takes[i]:
-                readings.append(self._sensors.rest(shot))
-                continue
-            with self.clock.measure("rendering"):
-                shot = self._sensors.expose(shot)
-            with self.clock.measure("detection"):
-                readings.append(self._sensors.read(shot))
-            faults += [Fault(time, i, f"detector: {error}", error.trace) for error in readings[i].errors]
+        shots = [
+            Shot(i, k, time, pose, people, believed[i] if self._errors[i] else None) for i, pose in enumerate(cameras)
+        ]
+        with self.clock.measure("rendering"):
+            exposed = [self._sensors.expose(shot) for shot in shots if takes[shot.uav]]
+        with self.clock.measure("detection"):
+            taken = iter(self._sensors.read_all(exposed))
+        readings = [next(taken) if takes[shot.uav] else self._sensors.rest(shot) for shot in shots]
+        for i, reading in enumerate(readings):
+            faults += [Fault(time, i, f"detector: {error}", error.trace) for error in reading.errors]
         places = np.array([body.position for body in bodies])
         links = draw_links(self.scenario.network, time, places, self._radio)
         with self.clock.measure("tracking"):
@@ -189,7 +188,6 @@ class Mission:
             pixels=[reading.pixels for reading in readings],
             tracks=tracks,
             plans=None,
-            ospa=measure_errors(tracks, self._working, people),
             visible=np.array([reading.visible for reading in readings]),
             matched=np.array([reading.matched for reading in readings]),
             contacts=self._world.take_contacts(),

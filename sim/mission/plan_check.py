@@ -1,16 +1,15 @@
 """Plan check: turns whatever a planner returns into valid plans, with earlier intents in place of faulty plans."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 
-from planning.planner import Plan, Planner, Situation, check_count, copy_plan, limit_speed
+from planning.planner import Plan, Planner, Situation, Vehicle, check_count, copy_plan, limit_speed
 from sim.mission.fault import Fault
 from tracking.errors import InputError, spell
 from tracking.filter.kalman import Gaussian
-from tracking.geometry.camera import Pose
+from tracking.geometry.camera import Look, Pose
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.plugins.plugin_error import PluginError, plugin_call
@@ -90,19 +89,32 @@ def _limit(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
 
 def copy_situation(situation: Situation) -> Situation:
     """A copy that a planner may change. Map, cameras and motion model are not copied: only planners use them."""
-    copies: dict[int, object] = {id(own): own for own in (situation.forest, situation.motion)}
-    # Vehicles, plans and tracks are many, and `deepcopy` would take ten times as long.
-    for vehicle in situation.vehicles:
-        position, attitude, velocity = map(np.copy, (vehicle.position, vehicle.attitude, vehicle.velocity))
-        copies[id(vehicle)] = replace(vehicle, position=position, attitude=attitude, velocity=velocity)
-    for plan in situation.intents.values():
-        copies[id(plan)] = Plan(plan.controls.copy(), {j: controls.copy() for j, controls in plan.others.items()})
-    for track in situation.tracks:
-        belief = Gaussian(track.belief.mean.copy(), track.belief.covariance.copy())
-        copies[id(track)] = Track(track.id, belief, track.existence, track.sighting.copy())
-    for camera, pose in situation.looks:
-        copies[id(camera)], copies[id(pose)] = camera, Pose(pose.position.copy(), pose.quaternion.copy())
-    return deepcopy(situation, copies)
+    undetected = situation.undetected
+    return replace(
+        situation,
+        own=_copy_vehicle(situation.own),
+        neighbours=tuple(map(_copy_vehicle, situation.neighbours)),
+        tracks=tuple(map(_copy_track, situation.tracks)),
+        intents={i: _copy_intent(plan) for i, plan in situation.intents.items()},
+        undetected=None if undetected is None else replace(undetected, people=undetected.people.copy()),
+        looks=tuple(
+            Look(camera, Pose(pose.position.copy(), pose.quaternion.copy())) for camera, pose in situation.looks
+        ),
+    )
+
+
+def _copy_vehicle(vehicle: Vehicle) -> Vehicle:
+    position, attitude, velocity = map(np.copy, (vehicle.position, vehicle.attitude, vehicle.velocity))
+    return replace(vehicle, position=position, attitude=attitude, velocity=velocity)
+
+
+def _copy_track(track: Track) -> Track:
+    belief = Gaussian(track.belief.mean.copy(), track.belief.covariance.copy())
+    return Track(track.id, belief, track.existence, track.sighting.copy())
+
+
+def _copy_intent(plan: Plan) -> Plan:
+    return Plan(plan.controls.copy(), {j: controls.copy() for j, controls in plan.others.items()})
 
 
 def _shift(plan: Plan | None) -> Plan:

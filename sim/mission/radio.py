@@ -52,8 +52,11 @@ def draw_links(network: Network, time: float, positions: Array, rng: np.random.G
 
 def find_links(network: Network, time: float, positions: Array) -> Flags:
     """Adjacency (n, n) of UAVs at positions (n, 3) m: within range, with a link that exists and is not cut."""
-    broken = find_broken_links(network, time, positions)
-    return np.asarray(~np.any(list(broken.values()), axis=0) & ~np.eye(len(positions), dtype=np.bool_))
+    up = np.ones((len(positions), len(positions)), dtype=np.bool_)
+    for broken in find_broken_links(network, time, positions).values():
+        up &= ~broken
+    np.fill_diagonal(up, False)
+    return up
 
 
 def find_broken_links(network: Network, time: float, positions: Array) -> dict[str, Flags]:

@@ -29,7 +29,7 @@ MOST_FAULTS = 1000  # number of faults that are kept; a planner may fail at ever
 LONGEST_FAULT = 300  # characters of a message
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")  # as in <object at 0x7f...>, which differs from process to process
 # Tables with a row for each scan, which have the same names in snapshots.
-_AS_IN_SNAPSHOTS = ("people", "headings", "commands", "ospa", "visible", "matched", "bytes_sent", "plan_bytes")
+_AS_IN_SNAPSHOTS = ("people", "headings", "commands", "visible", "matched", "bytes_sent", "plan_bytes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,6 +319,7 @@ class Recording:
             contacts=self.contacts_at(k),
             plan_rounds=int(self.plan_rounds[k]),
             faults=self.faults_at(k),
+            known_ospa=self.ospa[k],
             **{name: getattr(self, name)[k] for name in _AS_IN_SNAPSHOTS},
         )
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +42,6 @@ class Snapshot:
     tracks: list[tuple[Track, ...]]
     plans: list[Plan] | None  # made at this scan
     flown: FlownPlans | None = None  # from this scan on, as `Scenario.find_flown` says; None before the first are due
-    ospa: Array  # (n, 3) m: distance, localisation, cardinality
     visible: Indices  # (n, M) number of pixels that show each person in the image
     matched: Flags  # (n, M) True if the person was detected in that camera
     contacts: tuple[Contact, ...] = ()  # since the previous scan
@@ -49,12 +49,20 @@ class Snapshot:
     plan_bytes: Indices  # (n,) sent to neighbours for the plans of this scan
     plan_rounds: int  # number of rounds in which these plans were sent
     faults: tuple[Fault, ...] = ()  # of planner and detectors at this scan, and breakdowns since the previous one
+    known_ospa: Array | None = None  # `ospa`, if it is known, as from a recording
+
+    @cached_property
+    def ospa(self) -> Array:
+        """Distance, localisation and cardinality (n, 3) m of each UAV's error; NaN of those that do not work."""
+        known = self.known_ospa
+        return measure_errors(self.tracks, self.working, self.people) if known is None else known
 
     def plain(self) -> "Snapshot":
         """The same in classes of ours alone, whatever those of plug-ins are: other processes need not know them."""
         flown = self.flown and FlownPlans(self.flown.made, _make_plain(self.flown.plans))
         tracks = [tuple(Track(t.id, t.belief, t.existence, t.sighting) for t in held) for held in self.tracks]
-        return replace(self, tracks=tracks, plans=self.plans and _make_plain(self.plans), flown=flown)
+        plans = self.plans and _make_plain(self.plans)
+        return replace(self, tracks=tracks, plans=plans, flown=flown, known_ospa=self.ospa)
 
     @property
     def error(self) -> float:

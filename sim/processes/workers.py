@@ -110,11 +110,16 @@ def _describe_end(error: BaseException, timeout: float | None) -> str:
 
 def _begin(prepare: Callable[..., object], arguments: tuple[object, ...]) -> None:
     """Prepare a worker, and let it end when its parent process does."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     prepare(*arguments)
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """Let this process end when its parent process does, however that ends."""
+    threading.Thread(target=_wait_for_parent, daemon=True).start()
+
+
+def _wait_for_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -1,5 +1,6 @@
 """Ground truth of detections, from the renderer's mask of people, which no other module may use."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from tracking.detection.detector import Detections, Frame
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import most_pairs
+from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
 
 GATE = 3.0  # pixels, largest distance from a detection to the nearest pixel of the detected person
@@ -27,7 +29,7 @@ def match_detections(pixels: Array, people: NDArray[np.int32], count: int) -> ND
     that the edge cuts, is moved to the nearest place inside.
     """
     found = np.full(count, -1)
-    gaps = _measure_gaps(pixels, people, count)
+    gaps = _measure_gaps(np.ascontiguousarray(pixels, dtype=float), people, count)
     for detection, person in most_pairs(gaps <= GATE, gaps):
         found[person] = detection
     return found
@@ -39,7 +41,7 @@ def find_owners(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray
     As many detections as possible show people of their own. Any other within the gate shows the nearest person again.
     """
     owners = np.full(len(pixels), -1)
-    gaps = _measure_gaps(pixels, people, count)
+    gaps = _measure_gaps(np.ascontiguousarray(pixels, dtype=float), people, count)
     for detection in np.flatnonzero((gaps <= GATE).any(axis=1)).tolist():
         owners[detection] = int(gaps[detection].argmin())
     for detection, person in most_pairs(gaps <= GATE, gaps):
@@ -47,15 +49,19 @@ def find_owners(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray
     return owners
 
 
+@compiled
 def _measure_gaps(pixels: Array, people: NDArray[np.int32], count: int) -> Array:
     """Distances (N, M) in pixels from detections to the nearest pixel of each person; infinite if none shows."""
     nearest = np.full((len(pixels), count), np.inf)
-    rows, columns = np.nonzero(people >= 0)
-    inside = np.clip(pixels, 0.0, people.shape[::-1])
-    gap = np.sqrt(np.square(inside[:, :1] - (columns + 0.5)) + np.square(inside[:, 1:] - (rows + 0.5)))
-    owners = people[rows, columns]
-    for person in np.unique(owners):
-        nearest[:, person] = gap[:, owners == person].min(axis=1)
+    height, width = people.shape
+    for row in range(height if len(pixels) else 0):
+        for column in range(width):
+            person = people[row, column]
+            if person >= 0:
+                for n in range(len(pixels)):
+                    x = min(max(pixels[n, 0], 0.0), width) - (column + 0.5)
+                    y = min(max(pixels[n, 1], 0.0), height) - (row + 0.5)
+                    nearest[n, person] = min(nearest[n, person], math.sqrt(x * x + y * y))
     return nearest
 
 

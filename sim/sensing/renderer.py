@@ -1,6 +1,7 @@
 """Rendered images of the world: one of PyBullet's renderers draws bodies, and this module the ground behind them."""
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -27,7 +28,7 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import ENCLOSING_CYLINDER
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
-from tracking.numerics.matrices import apply, product
+from tracking.numerics.matrices import apply, products
 
 _TEXELS = 10.0  # per m
 _SKY = (186, 208, 226)
@@ -44,28 +45,56 @@ class Ground:
 
     def __init__(self, tint: Array, place: Array) -> None:
         """Read the texture; tint (3,) multiplies its red, green and blue."""
-        texture = np.asarray(cv2.imread(str(ASSETS / "meshes" / "ground.png")), dtype=np.uint8)[..., ::-1]
-        red, green, blue = np.moveaxis(np.clip(np.rint(texture * tint), 0, 255).astype(np.uint64), -1, 0)
-        # The first row and column are repeated at the end, so that every texel has neighbours below and to the right.
-        self._texels = np.pad(red | green << _GREEN | blue << _BLUE, (0, 1), mode="wrap")
-        self._place = place
+        self._texels = _pack_texture(*tint.tolist())
+        self._place = np.array(place, dtype=float)
 
     def draw(self, image: NDArray[np.uint8], bodies: NDArray[np.int32], view: StraightView, pose: Pose) -> None:
         """Draw ground and sky into an image (H, W, 3) where there is no body, that is where `bodies` (H, W) is < 0."""
-        optics, position = view.straight.optics, pose.position
-        # The product of `rays` and (column, row, 1) is the ray through that pixel in world coordinates.
-        fx, aspect = optics.fx, optics.fx / optics.fy
-        down = aspect * (0.5 - optics.cy)
-        pixels = np.array([[1.0, 0.0, 0.5 - optics.cx], [0.0, -aspect, -down], [0.0, 0.0, -fx]])
-        rays = product(pose.rotation, pixels) / fx
-        plane = np.stack(
-            [position[0] * rays[2] - position[2] * rays[0], position[1] * rays[2] - position[2] * rays[1], rays[2]]
-        )
-        plane[:2] = _TEXELS * (product(self._place[:, :2], plane[:2]) + np.outer(self._place[:, 2], plane[2]))
-        # Shifted by whole tiles until the camera is above the first, so that most texels are found without a division.
-        tile, over = len(self._texels) - 1, apply(self._place[:, :2], position[:2]) + self._place[:, 2]
-        plane[:2] -= np.outer(tile * np.floor(over * _TEXELS / tile), plane[2])
+        optics = view.straight.optics
+        calibration = float(optics.fx), float(optics.fy), float(optics.cx), float(optics.cy)
+        position = np.array(pose.position, dtype=float)
+        plane = _find_plane(pose.rotation, position, self._place, calibration, len(self._texels) - 1)
         _draw(image, bodies, self._texels, plane, view.places)
+
+
+@lru_cache(maxsize=1)  # most worlds have the same
+def _pack_texture(*tint: float) -> NDArray[np.uint64]:
+    """The texture's colours, multiplied by red, green and blue, in one word for each texel."""
+    texture = np.asarray(cv2.imread(str(ASSETS / "meshes" / "ground.png")), dtype=np.uint8)[..., ::-1]
+    red, green, blue = np.moveaxis(np.clip(np.rint(texture * np.array(tint)), 0, 255).astype(np.uint64), -1, 0)
+    # The first row and column are repeated at the end, so that every texel has neighbours below and to the right.
+    return np.pad(red | green << _GREEN | blue << _BLUE, (0, 1), mode="wrap")
+
+
+@compiled
+def _find_plane(
+    rotation: Array, position: Array, place: Array, calibration: tuple[float, float, float, float], tile: int
+) -> Array:
+    """Matrix (3, 3) that maps homogeneous pixels to texels, of a camera at a pose; place (2, 3) as in `Ground`.
+
+    calibration: focal lengths and principal point in pixels; tile: number of texels along an edge of the texture.
+    """
+    fx, fy, cx, cy = calibration
+    aspect = fx / fy
+    # The product of `rays` and (column, row, 1) is the ray through that pixel in world coordinates.
+    pixels = np.zeros((1, 3, 3))
+    pixels[0, 0, 0], pixels[0, 0, 2] = 1.0, 0.5 - cx
+    pixels[0, 1, 1], pixels[0, 1, 2], pixels[0, 2, 2] = -aspect, -(aspect * (0.5 - cy)), -fx
+    rays = products(rotation.reshape(1, 3, 3), pixels)[0] / fx
+    plane = np.empty((3, 3))
+    for k in range(3):
+        east = position[0] * rays[2, k] - position[2] * rays[0, k]
+        north = position[1] * rays[2, k] - position[2] * rays[1, k]
+        for i in range(2):
+            turned = 0.0 + place[i, 0] * east + place[i, 1] * north
+            plane[i, k] = _TEXELS * (turned + place[i, 2] * rays[2, k])
+        plane[2, k] = rays[2, k]
+    # Shifted by whole tiles until the camera is above the first, so that most texels are found without a division.
+    for i in range(2):
+        over = 0.0 + place[i, 0] * position[0] + place[i, 1] * position[1] + place[i, 2]
+        for k in range(3):
+            plane[i, k] -= tile * np.floor(over * _TEXELS / tile) * plane[2, k]
+    return plane
 
 
 @compiled

@@ -1,7 +1,9 @@
 """Sensor modes, which make detections before noise, misses and false alarms: the interface and the ideal mode."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -13,7 +15,7 @@ from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, at_target_height
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.plugins.plugin_error import PluginError
 from tracking.registration.pose_errors import move_to_believed
 
@@ -143,20 +145,38 @@ class LineOfSightMode:
 
     def sense(self, shot: Shot) -> SensorOutput:
         """As `SensorMode.sense`."""
+        return self.sense_all([shot])[0]
+
+    def sense_all(self, shots: Sequence[Shot]) -> list[SensorOutput]:
+        """Detections of one or more shots of one scan."""
+        forest, people = self.setup.forest, shots[0].people
+        optics = self._optics[[shot.uav for shot in shots]]
+        positions = np.array([shot.true.position for shot in shots], dtype=float)
+        quaternions = np.array([shot.true.quaternion for shot in shots], dtype=float)
+        shown = forest.find_shown(optics, positions, quaternions, at_target_height(people))
+        least = self.setup.rng.random(shown.shape) if forest.is_porous else 0.0
+        return [self._locate(shot, seen) for shot, seen in zip(shots, shown > least, strict=True)]
+
+    @cached_property
+    def _optics(self) -> Array:
+        """`Optics.numbers` (n, 12) of the true cameras."""
         scenario = self.setup.scenario
-        forest = self.setup.forest
-        people = shot.people
-        pose = shot.true
-        points = at_target_height(np.nan_to_num(people))
-        present = ~np.isnan(people[:, 0])
-        camera = scenario.true_camera(shot.uav)
-        believed = self.setup.cameras[shot.uav]
-        shown = forest.detectabilities(camera.lens(pose), points)
-        least = self.setup.rng.random(len(points)) if forest.is_porous else 0.0
-        seen = present & camera.sees(pose, points) & (shown > least)
-        ground = people[seen]
-        if believed != camera:  # through the lens as believed, a person's pixel shows another place
-            ground = believed.ground_points(pose, camera.project(pose, points[seen])[0], TARGET_HEIGHT)
-            seen[seen] = placed = np.isfinite(ground[:, 0])
-            ground = ground[placed]
-        return SensorOutput(shot.locate(ground), np.flatnonzero(seen), seen.astype(np.int64))
+        return np.array([scenario.true_camera(i).optics.numbers for i in range(len(scenario.uavs))])
+
+    @cached_property
+    def _mistaken(self) -> list[bool]:
+        """Whether each camera is another than the fleet believes."""
+        scenario = self.setup.scenario
+        return [scenario.true_camera(i) != camera for i, camera in enumerate(self.setup.cameras)]
+
+    def _locate(self, shot: Shot, seen: Flags) -> SensorOutput:
+        """Detections of the people (M,) who are seen."""
+        if not self._mistaken[shot.uav]:
+            owners = np.flatnonzero(seen)
+            return SensorOutput(shot.locate(shot.people[owners]), owners, seen.astype(np.int64))
+        # Through the lens as believed, a person's pixel shows another place.
+        camera, pose = self.setup.scenario.true_camera(shot.uav), shot.true
+        pixels, _ = camera.project(pose, at_target_height(shot.people[seen]))
+        ground = self.setup.cameras[shot.uav].ground_points(pose, pixels, TARGET_HEIGHT)
+        seen[seen] = placed = np.isfinite(ground[:, 0])
+        return SensorOutput(shot.locate(ground[placed]), np.flatnonzero(seen), seen.astype(np.int64))

@@ -1,7 +1,9 @@
 """Scans of a mission: a sensor mode's detections with measurement noise, misses and false alarms."""
 
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,15 +11,16 @@ from numpy.typing import NDArray
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import SENSOR_MODES, Sensing
 from sim.sensing.renderer import Renderer
-from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup, Shot
+from sim.sensing.sensor_mode import LineOfSightMode, SensorMode, SensorOutput, SensorSetup, Shot
 from sim.sensing.sensor_output_check import check_output
 from sim.world.world import World
 from tracking.detection.detection_errors import whole_covariances
+from tracking.detection.noise import measurement_covariances
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.matrices import apply
+from tracking.numerics.compiled import compiled
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.poisson import draw_poisson
 from tracking.numerics.stacks import cholesky_factors
@@ -78,6 +81,7 @@ class Sensors:
         uavs = range(len(scenario.uavs))
         self.cameras = [scenario.believed_camera(i) for i in uavs]
         self.noises = [scenario.noise_model(i) for i in uavs]
+        self._models = np.array([noise.coefficients for noise in self.noises])
         self._name = scenario.sensing.mode
         setup = SensorSetup(scenario, forest, self.cameras, rng.spawn(1)[0])
         self._mode: SensorMode = SENSOR_MODES.make(self._name, setup)
@@ -94,12 +98,16 @@ class Sensors:
 
     def read(self, shot: Shot) -> Reading:
         """The measurements of an exposed shot."""
-        output = self._sense(shot)
-        kept = self._clutter.draw_kept(len(output.ground))
-        scan, pixels = self._add_clutter(self._make_scan(shot, output), output, kept)
-        matched = np.isin(np.arange(len(shot.people)), output.owners[kept])
-        image = output.frame.image if output.frame else None
-        return Reading(scan, pixels, image, output.visible, matched, errors=output.errors)
+        return self.read_all([shot])[0]
+
+    def read_all(self, shots: Sequence[Shot]) -> list[Reading]:
+        """The measurements of exposed shots of one scan, in the order of their UAVs."""
+        outputs = self._sense_all(shots)
+        scans = self._make_scans(shots, outputs)
+        ends = list(accumulate((len(output.ground) for output in outputs), initial=0))
+        drawn = self._clutter.draw_kept(ends[-1])
+        kept = [np.flatnonzero(drawn[first:last]) for first, last in pairwise(ends)]
+        return list(map(self._complete, shots, outputs, scans, kept))
 
     @staticmethod
     def rest(shot: Shot) -> Reading:
@@ -108,45 +116,82 @@ class Sensors:
         unseen = np.zeros(len(shot.people), dtype=np.int64)
         return Reading(nothing, np.zeros((0, 2)), None, unseen, unseen > 0)
 
+    def _sense_all(self, shots: Sequence[Shot]) -> list[SensorOutput]:
+        """Outputs of the mode; InputError if a plug-in mode fails or its output cannot be used."""
+        if isinstance(self._mode, LineOfSightMode):
+            return self._mode.sense_all(shots) if shots else []
+        return [self._sense(shot) for shot in shots]
+
     def _sense(self, shot: Shot) -> SensorOutput:
-        """Output of the mode; InputError if a plug-in mode fails or its output cannot be used."""
         if self._name in SENSOR_MODES.built_in:
             return self._mode.sense(shot)
         with SENSOR_MODES.errors(self._name, "sense", self._mode, "sense"):
             return check_output(self._mode.sense(deepcopy(shot)), shot.people)
 
-    def _make_scan(self, shot: Shot, output: SensorOutput) -> Scan:
-        """Scan of all detections, with a sample of the UAV's noise model unless the output forbids it.
+    def _make_scans(self, shots: Sequence[Shot], outputs: Sequence[SensorOutput]) -> list[Scan]:
+        """Scans of all detections, with samples of the UAVs' noise models unless an output forbids it.
 
         The sample has the covariance at the ground point; the scan gives that at the measurement, which alone is known.
         """
-        if output.noise == "none":
-            assert output.covariances is not None
-            return Scan(shot.uav, shot.time, shot.pose, output.ground, output.covariances)
-        roots = cholesky_factors(self._compute_covariances(shot.uav, shot.pose, output.ground))
-        z = output.ground + apply(roots, standard_normal(self._rng, output.ground.shape))
-        R = self._compute_covariances(shot.uav, shot.pose, z)
-        return Scan(shot.uav, shot.time, shot.pose, z, R if output.covariances is None else R + output.covariances)
+        pairs = list(zip(shots, outputs, strict=True))
+        noisy = [(shot, output.ground) for shot, output in pairs if output.noise == "added"]
+        ends = list(accumulate((len(ground) for _, ground in noisy), initial=0))
+        if noisy:
+            ground = np.concatenate([ground for _, ground in noisy])
+            uavs, counts = [shot.uav for shot, _ in noisy], np.diff(ends)
+            eyes = np.repeat([shot.pose.position[:2] for shot, _ in noisy], counts, axis=0)
+            drawn = standard_normal(self._rng, ground.shape)
+            z, R = _add_noise(np.repeat(self._models[uavs], counts, axis=0), eyes, ground, drawn)
+        scans, parts = [], pairwise(ends)
+        for shot, output in pairs:
+            if output.noise == "none":
+                assert output.covariances is not None
+                places, covariances = output.ground, output.covariances
+            else:
+                first, last = next(parts)
+                places, covariances = z[first:last], R[first:last]
+                if output.covariances is not None:
+                    covariances = covariances + output.covariances
+            scans.append(Scan(shot.uav, shot.time, shot.pose, places, covariances))
+        return scans
 
-    def _add_clutter(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
-        """The scan without missed detections but with false alarms, and its pixels (N, 2) in the same order.
-
-        A false alarm has the covariance of a person in plain view at its place.
-        """
-        camera = self.cameras[scan.uav]
-        pose = scan.pose
-        places, ground = self._clutter.draw_false_alarms(camera, pose)
-        whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(camera.lens(pose), ground)
-        exact = output.frame is not None and output.noise == "none"
-        alarms = whole if exact else whole + self._compute_covariances(scan.uav, pose, ground)
-        z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])
-        pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])
+    def _complete(self, shot: Shot, output: SensorOutput, scan: Scan, kept: Indices) -> Reading:
+        """The reading of the detections that are not missed, with false alarms."""
+        z, R = scan.measurements[kept], scan.covariances[kept]
+        pixels = np.zeros((0, 2)) if output.pixels is None else output.pixels[kept]
+        places, ground = self._clutter.draw_false_alarms(self.cameras[scan.uav], scan.pose)
+        if len(ground):
+            z = np.concatenate([z, ground])
+            R = np.concatenate([R, self._compute_alarm_covariances(scan, output, ground)])
+            pixels = pixels if output.pixels is None else np.concatenate([pixels, places])
         if len(ground) or output.frame is None:  # without images the mode's order may reveal identities
             order = self._clutter.draw_order(len(z))
             z, R, pixels = z[order], R[order], pixels[order] if len(pixels) else pixels
-        return replace(scan, measurements=z, covariances=R), pixels
+        matched = np.zeros(len(shot.people), dtype=np.bool_)
+        owners = output.owners[kept]
+        matched[owners[owners >= 0]] = True
+        scan = Scan(scan.uav, scan.time, scan.pose, z, R)
+        image = None if output.frame is None else output.frame.image
+        return Reading(scan, pixels, image, output.visible, matched, output.errors)
 
-    def _compute_covariances(self, uav: int, pose: Pose, points: Array) -> Array:
-        """Covariances R (N, 2, 2) m² of the UAV's noise model at points (N, 2) m."""
-        R = [self.noises[uav].covariance(pose.position[:2], point) for point in points]
-        return np.array(R).reshape(-1, 2, 2)
+    def _compute_alarm_covariances(self, scan: Scan, output: SensorOutput, ground: Array) -> Array:
+        """Covariances (K, 2, 2) m² of false alarms at ground points (K, 2) m: those of people in plain view there."""
+        eyes = np.repeat([scan.pose.position[:2]], len(ground), axis=0)
+        noise = measurement_covariances(np.repeat(self._models[[scan.uav]], len(ground), axis=0), eyes, ground)
+        if output.frame is None:
+            return np.zeros_like(noise) + noise
+        whole = whole_covariances(self.cameras[scan.uav].lens(scan.pose), ground)
+        return whole if output.noise == "none" else whole + noise
+
+
+@compiled
+def _add_noise(models: Array, eyes: Array, ground: Array, drawn: Array) -> tuple[Array, Array]:
+    """Measurements (N, 2) m and their covariances (N, 2, 2) m² at ground points (N, 2) m, from normal numbers (N, 2).
+
+    models (N, 7) and eyes (N, 2) m as in `measurement_covariances`.
+    """
+    roots, z = cholesky_factors(measurement_covariances(models, eyes, ground)), ground.copy()
+    for n in range(len(z)):
+        z[n, 0] += roots[n, 0, 0] * drawn[n, 0] + roots[n, 0, 1] * drawn[n, 1]
+        z[n, 1] += roots[n, 1, 0] * drawn[n, 0] + roots[n, 1, 1] * drawn[n, 1]
+    return z, measurement_covariances(models, eyes, z)

@@ -134,13 +134,21 @@ def _list_hazards(i: int, states: Array, paces: Array, trunks: Array, near: _Nea
 @merged
 def _decide(state: Array, goal: float, decision: float, pace: float, hazards: Array, half: Array) -> float:
     """Heading [rad] to turn to: close to the goal and to the last decision, and free of conflicts."""
-    costs = np.empty(_HEADINGS)
+    costs, rated = np.empty(_HEADINGS), np.zeros(_HEADINGS, dtype=np.bool_)
     for n in range(_HEADINGS):
         heading = state[2] + (n - _HEADINGS // 2) * _SPREAD
         to_goal, to_decision = _wrap(heading - goal), _wrap(heading - decision)
         costs[n] = to_goal * to_goal + _PERSISTENCE * to_decision * to_decision
-        costs[n] += _rate_conflict(state, heading, pace, hazards, half)
-    best = np.argmin(costs)
+    # Conflicts only add to costs. So the best heading is found once the best one so far has been rated, and the offset
+    # needs those beside it.
+    best = int(np.argmin(costs))
+    while not rated[best]:
+        costs[best] += _rate_conflict(state, state[2] + (best - _HEADINGS // 2) * _SPREAD, pace, hazards, half)
+        rated[best] = True
+        best = int(np.argmin(costs))
+    for n in range(max(best - 1, 0), min(best + 2, _HEADINGS)):
+        if not rated[n]:
+            costs[n] += _rate_conflict(state, state[2] + (n - _HEADINGS // 2) * _SPREAD, pace, hazards, half)
     offset = 0.0
     if 0 < best < _HEADINGS - 1:
         # The vertex of the parabola through the best candidate and its neighbours; exact if nothing is in the way.
@@ -155,7 +163,7 @@ def _wrap(angle: float) -> float:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-@merged
+@compiled
 def _rate_conflict(state: Array, heading: float, pace: float, hazards: Array, half: Array) -> float:
     """Cost of turning to `heading`; it grows with nearness to the border and to hazards at constant velocity."""
     ahead = state.copy()

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import arctan2_each
 
@@ -50,7 +51,15 @@ class Trajectories:
         headings = arctan2_each(steps[..., 1], steps[..., 0])
         headings[length(steps) < 1e-4] = np.nan
         headings = np.vstack([headings, np.full((1, headings.shape[1]), np.nan)])
-        for k in range(1, len(headings)):
-            headings[k] = np.where(np.isnan(headings[k]), headings[k - 1], headings[k])
+        _keep_last(headings)
         headings[np.isnan(headings)] = 0.0
         return np.where(np.isnan(self.positions[..., 0]), np.nan, headings)
+
+
+@compiled
+def _keep_last(headings: Array) -> None:
+    """Replace NaN in each column of headings (K, M) by the last number above it, if there is one, in place."""
+    for k in range(1, len(headings)):
+        for m in range(headings.shape[1]):
+            if math.isnan(headings[k, m]):
+                headings[k, m] = headings[k - 1, m]

@@ -27,6 +27,7 @@ _DRIFT = 0.1  # rad/s, standard deviation of that turn rate
 _LEVY_EXPONENT = 2.0
 _LEAST_SIDE = 4.0  # m, smallest half edge of the area within the margins
 _ATTEMPTS = 1000  # number of draws to find a free start
+_AT_ONCE = 1024  # moving averages
 
 
 def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np.random.Generator) -> Trajectories:
@@ -122,12 +123,15 @@ def _smooth_noise(count: int, samples: int, time: float, rng: np.random.Generato
 @compiled
 def _smooth(white: Array, kernel: Array) -> Array:
     """Moving averages (K, M) of white noise (K + L - 1, M) along the first axis, weighted by a kernel (L,)."""
-    smooth = np.zeros((len(white) - len(kernel) + 1, white.shape[1]))
-    for k in range(len(smooth)):
+    shape = len(white) - len(kernel) + 1, white.shape[1]
+    smooth, drawn = np.zeros(shape[0] * shape[1]), white.ravel()
+    for first in range(0, len(smooth), _AT_ONCE):
+        sums = smooth[first : first + _AT_ONCE]
         for n in range(len(kernel)):
-            for i in range(white.shape[1]):
-                smooth[k, i] += kernel[n] * white[k + n, i]
-    return smooth
+            values = drawn[first + n * shape[1] :]
+            for i in range(len(sums)):  # a vectorised loop over numbers that stay near the processor
+                sums[i] += kernel[n] * values[i]
+    return smooth.reshape(shape)
 
 
 def _draw_starts(

@@ -199,15 +199,14 @@ class World:
 
         The engine makes only those steps before which a UAV is near another body.
         """
-        air = np.zeros((steps, 2)) if winds is None else winds
-        targets = self._make_targets(commands, altitude_errors)
         done = 0
         while done < steps:
             if self._kinematic:
                 done += glide_while_clear(self.states, commands, self._dt, steps - done, self._top)
             else:
-                calm = winds is None
-                done += fly_while_clear(self.states, targets, self._memories, air[done:], calm, self._dt, self._top)
+                air = np.zeros((steps - done, 2)) if winds is None else winds[done:]
+                targets, calm = self._make_targets(commands, altitude_errors), winds is None
+                done += fly_while_clear(self.states, targets, self._memories, air, calm, self._dt, self._top)
             if done < steps:
                 self.step(commands, None if winds is None else winds[done], altitude_errors)
                 done += 1

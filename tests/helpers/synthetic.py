@@ -82,7 +82,7 @@ def _snapshot(setting, trees, k, rng, doubt):
         pixels=pixels,
         tracks=[tracks] * n,
         plans=plan if k % (setting.rates.plan_scans) == 0 else None,
-        ospa=np.column_stack([np.hypot(localisation, cardinality), localisation, cardinality]),
+        known_ospa=np.column_stack([np.hypot(localisation, cardinality), localisation, cardinality]),
         visible=seen.astype(np.int64) * 9,
         matched=seen,
         contacts=(Contact(0, "canopy", 4), Contact(n - 1, "ground", 0)) if 3 <= k <= 5 else (),

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tracking.filter.kalman import Gaussian
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest, Tree
+from tracking.geometry.visibility import Forest, Tree, visible_samples
 from tracking.track import Track
 from tracking.undetected import UndetectedIntensity
 
@@ -87,3 +87,19 @@ def test_a_camera_thins_what_it_sees_also_if_it_sees_the_sky(tilt):
     shown = CAMERA.sees(pose, np.column_stack([centres, np.full(len(centres), TARGET_HEIGHT)]))
     assert shown.sum() > 20
     assert undetected.belief.people.sum() == pytest.approx(600.0 - 0.9 * shown.sum(), abs=10.0)
+
+
+@pytest.mark.parametrize("camera", [CAMERA, Camera(ALL_ROUND, 128)], ids=["pinhole", "all round"])
+def test_each_cell_is_thinned_by_the_share_of_its_samples_in_view(camera):
+    """To the bit, as for a belief that is as wide as the cell."""
+    rng = np.random.default_rng(4)
+    forest = Forest(tuple(Tree(*rng.uniform(-12, 12, 2), 2.0, leaf_area_density=d) for d in (math.inf, 0.3, 0.6)))
+    undetected = UndetectedIntensity(AREA, 40.0, 0.9, 3.0)
+    before, tilt = undetected.belief, math.radians(15.0)
+    pose = Pose(np.array([3.0, -4.0, 20.0]), np.array([math.sin(tilt), 0.0, 0.0, math.cos(tilt)]))
+    undetected.step(0.0, [(camera, pose)], (), forest)
+    centres = before.centres().reshape(-1, 2)
+    spread = np.tile(np.diag(np.square(before.cell) / 12.0), (len(centres), 1, 1))
+    share = visible_samples(forest, centres, spread, camera.lens(pose))[:, 0].mean(axis=1)
+    assert len(np.unique(share)) > 5
+    np.testing.assert_array_equal(undetected.belief.people.ravel(), before.people.ravel() * (1.0 - 0.9 * share))

@@ -11,6 +11,7 @@ from tracking.detection.detection_errors import WHOLE
 from tracking.geometry.camera import Camera
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 
 Quadratic = tuple[float, float, float]
 
@@ -52,14 +53,28 @@ class NoiseModel:
 
     def covariance(self, camera: Array, target: Array) -> Array:
         """R (2, 2) m² for a camera above `camera` (2,) m and a target at `target` (2,) m."""
-        dx, dy = float(target[0] - camera[0]), float(target[1] - camera[1])
+        one, other = np.array([camera], dtype=float), np.array([target], dtype=float)
+        return np.asarray(measurement_covariances(self.coefficients[None], one, other)[0])
+
+
+@compiled
+def measurement_covariances(models: Array, cameras: Array, targets: Array) -> Array:
+    """Covariances (N, 2, 2) m² of measurements, each with its `NoiseModel.coefficients`.
+
+    models (N, 7); cameras (N, 2) and targets (N, 2) m.
+    """
+    R = np.empty((len(targets), 2, 2))
+    for n in range(len(targets)):
+        c = models[n]
+        dx, dy = targets[n, 0] - cameras[n, 0], targets[n, 1] - cameras[n, 1]
         d = math.sqrt(dx * dx + dy * dy)
         cos, sin = (dx / d, dy / d) if d > 0.0 else (1.0, 0.0)
-        r = max(d, self.minimum_range)
-        along, across = (c[0] + r * (c[1] + r * c[2]) for c in (self.radial, self.tangential))
-        xx, yy = along * cos * cos + across * sin * sin, along * sin * sin + across * cos * cos
-        xy = (along - across) * cos * sin
-        return np.array([[xx, xy], [xy, yy]])
+        r = max(d, c[6])
+        along, across = c[0] + r * (c[1] + r * c[2]), c[3] + r * (c[4] + r * c[5])
+        R[n, 0, 0] = along * cos * cos + across * sin * sin
+        R[n, 1, 1] = along * sin * sin + across * cos * cos
+        R[n, 0, 1] = R[n, 1, 0] = (along - across) * cos * sin
+    return R
 
 
 def _convert_to_range(polynomial: Array, height: float) -> Quadratic:

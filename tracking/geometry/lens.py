@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from tracking.geometry.distortion import Distortion, distort, distortion_slopes, undistort
+from tracking.geometry.quaternions import rotation
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 
@@ -20,6 +21,11 @@ class Optics(NamedTuple):
     distortion: Distortion = Distortion()
     reach: float = 0.0  # as from `find_reach`
 
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """All twelve numbers, for `lens_of`."""
+        return *self[:6], *self.distortion, self.reach
+
 
 class Lens(NamedTuple):
     """Camera and pose for compiled code."""
@@ -27,6 +33,14 @@ class Lens(NamedTuple):
     eye: tuple[float, float, float]  # m
     rotation: Array  # (3, 3) from body to world
     optics: Optics
+
+
+@compiled
+def lens_of(optics: Array, position: Array, quaternion: Array) -> Lens:
+    """The lens of `Optics.numbers` (12,) at a position (3,) m with an attitude (4,)."""
+    o = optics
+    calibration = Optics(o[0], o[1], o[2], o[3], int(o[4]), int(o[5]), Distortion(o[6], o[7], o[8], o[9], o[10]), o[11])
+    return Lens((position[0], position[1], position[2]), rotation(quaternion), calibration)
 
 
 @compiled
@@ -83,13 +97,20 @@ def linear_pixel(optics: Optics, u: float, v: float) -> tuple[tuple[float, float
 
 
 @compiled
+def pixel_ray(lens: Lens, u: float, v: float) -> tuple[float, float, float]:
+    """Direction in the world, of unit depth along the optical axis, through a pixel; NaN beyond a lens's reach."""
+    r = lens.rotation
+    x, y = plane_point(lens.optics, u, v)
+    y = -y
+    east, north = r[0, 0] * x + r[0, 1] * y - r[0, 2], r[1, 0] * x + r[1, 1] * y - r[1, 2]
+    return east, north, r[2, 0] * x + r[2, 1] * y - r[2, 2]
+
+
+@compiled
 def ground_point(lens: Lens, pixel: tuple[float, float], height: float) -> tuple[float, float]:
     """Point [m] where the line through a pixel (u, v) meets the plane at `height` m, perhaps behind the camera."""
-    r = lens.rotation
-    x, y = plane_point(lens.optics, pixel[0], pixel[1])
-    y = -y
-    scale = (height - lens.eye[2]) / (r[2, 0] * x + r[2, 1] * y - r[2, 2])
-    east, north = r[0, 0] * x + r[0, 1] * y - r[0, 2], r[1, 0] * x + r[1, 1] * y - r[1, 2]
+    east, north, up = pixel_ray(lens, pixel[0], pixel[1])
+    scale = (height - lens.eye[2]) / up
     return lens.eye[0] + scale * east, lens.eye[1] + scale * north
 
 

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tracking.geometry.leaf_gaps import USUAL_PIXEL, USUAL_SLOPE, detectability, detectable_share
-from tracking.geometry.lens import Lens, in_image, pixel_size
+from tracking.geometry.lens import Lens, in_image, lens_of, pixel_size
 from tracking.geometry.line_of_sight import Grid, cylinder_of, free_share, make_grid, optical_depth
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -23,7 +23,9 @@ EXTINCTION = 0.5
 
 def at_target_height(places: Array) -> Array:
     """Points (N, 3) m at `TARGET_HEIGHT` over places (N, 2) m."""
-    return np.column_stack([places, np.full(len(places), TARGET_HEIGHT)])
+    points = np.empty((len(places), 3))
+    points[:, :2], points[:, 2] = places, TARGET_HEIGHT
+    return points
 
 
 Occlusion = Literal["line_of_sight", "disc"]
@@ -76,6 +78,13 @@ class Tree:
         x, y, base = self.x, self.y, self.canopy_base
         trunk = Solid("trunk", x, y, self.trunk_radius, 0.0, base)
         return trunk, Solid("canopy", x, y, self.canopy_radius, base, self.canopy_top, self.leaf_area_density)
+
+
+class Occluders(NamedTuple):
+    """What hides people, for compiled code."""
+
+    cylinders: Array  # (B, 6)
+    grid: Grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +156,11 @@ class Forest:
         return np.argsort(self.blockers[:, 0], kind="stable")
 
     @cached_property
+    def occluders(self) -> Occluders:
+        """The `blockers` with their `grid`, for compiled code."""
+        return Occluders(self.blockers, self.grid)
+
+    @cached_property
     def grid(self) -> Grid:
         """Grid over the `blockers`."""
         return make_grid(self.blockers)
@@ -172,6 +186,14 @@ class Forest:
         Points in or out of the image are the same; see `tracking.geometry.leaf_gaps.detectability`.
         """
         return _find_detectabilities(lens, np.ascontiguousarray(points, dtype=float), self.blockers, self.grid)
+
+    def find_shown(self, optics: Array, positions: Array, quaternions: Array, points: Array) -> Array:
+        """Probabilities (C, N) that cameras detect people at points (N, 3) m: `detectabilities`, 0 out of the image.
+
+        optics (C, 12): `Optics.numbers` of each camera; positions (C, 3) m and quaternions (C, 4): their poses. Nobody
+        is at points that are NaN.
+        """
+        return _find_shown(optics, positions, quaternions, points, self.blockers, self.grid)
 
     def detectabilities_through_leaves(self, lens: Lens, points: Array) -> Array:
         """`detectabilities` (N,) if there were only the porous solids."""
@@ -211,6 +233,21 @@ def _find_detectabilities(lens: Lens, points: Array, cylinders: Array, grid: Gri
         point = points[j, 0], points[j, 1], points[j, 2]
         out[j] = detectability(lens.eye, point, pixel_size(lens, point), cylinders, grid)
     return out
+
+
+@compiled
+def _find_shown(
+    optics: Array, positions: Array, quaternions: Array, points: Array, cylinders: Array, grid: Grid
+) -> Array:
+    """Probabilities (C, N) that C cameras detect people at points (N, 3) among cylinders (B, 6); 0 out of the image."""
+    shown = np.zeros((len(optics), len(points)))
+    for i in range(len(optics)):
+        lens = lens_of(optics[i], positions[i], quaternions[i])
+        for j in range(len(points)):
+            point = points[j, 0], points[j, 1], points[j, 2]
+            if not math.isnan(point[0]) and in_image(point, lens):
+                shown[i, j] = detectability(lens.eye, point, pixel_size(lens, point), cylinders, grid)
+    return shown
 
 
 @compiled
@@ -269,17 +306,22 @@ def visible_samples(forest: Forest, means: Array, covariances: Array, *frames: L
     Beliefs: means (N, 2 or 4) and covariances (N, 2 or 4, 2 or 4) in m; the samples are mean + L `SAMPLES`, where L Lᵀ
     is the covariance of the position. frames: lenses as from `Camera.lens`; None shows nothing.
     """
-    roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))
     views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
     for k, lens in enumerate(frames):
         if lens:
-            views[:, k] = _see_samples(means, roots, lens, forest.blockers, forest.grid)
+            views[:, k] = see_samples(means, covariances, lens, forest.occluders)
     return views
 
 
 @compiled
-def _see_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
-    seen = np.empty((len(means), len(SAMPLES)), dtype=np.bool_)
+def see_samples(means: Array, covariances: Array, lens: Lens, occluders: Occluders) -> Flags:
+    """Flags (N, 36) of the samples of each belief that a frame shows, as `visible_samples`."""
+    seen, roots = np.empty((len(means), len(SAMPLES)), dtype=np.bool_), np.empty((len(means), 2, 2))
+    for i in range(len(means)):
+        for a in range(2):
+            for b in range(2):
+                roots[i, a, b] = covariances[i, a, b]
+    roots, cylinders, grid = cholesky_factors(roots), occluders.cylinders, occluders.grid
     for i in range(len(means)):
         for k in range(len(SAMPLES)):
             x = means[i, 0] + roots[i, 0, 0] * SAMPLES[k, 0]

@@ -7,8 +7,9 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import least_costs, least_largest_costs
+from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
-from tracking.numerics.exponential import power, power_each
+from tracking.numerics.exponential import power
 
 _AT_ONCE = 2_000_000  # most distances computed at once: all those of a long mission would take gigabytes
 
@@ -41,7 +42,7 @@ def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Os
     Note: [Li22] IV prints the distances without the power p, which the definition has.
     """
     X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
-    return _score_gaps(length(X[:, None] - Y[None]), c, p)
+    return _score_gaps(_find_gaps(X, Y), c, p)
 
 
 def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
@@ -79,7 +80,7 @@ def _score_gaps(gaps: Array, c: float, p: float) -> Ospa:
         farthest = near.max(initial=0.0).item() if len(near) == fewest else float(c)
         missing = float(c) if most > fewest else 0.0
         return Ospa(max(farthest, missing), farthest, missing)
-    total = float(least_costs(power_each(np.minimum(gaps, c), p)).sum()) / max(most, 1)
+    total = float(least_costs(_find_powers(gaps, float(c), float(p))).sum()) / max(most, 1)
     lacking = power(c, p) * (most - fewest) / max(most, 1)
     return Ospa(power(total + lacking, 1 / p), power(total, 1 / p), power(lacking, 1 / p))
 
@@ -93,15 +94,36 @@ def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> G
     """
     check_metric(c, p)
     X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
-    gaps = length(X[:, None] - Y[None])
+    gaps = _find_gaps(X, Y)
     if p == math.inf:
         near = least_largest_costs(gaps, c)
         parts = near.max(initial=0.0).item(), *(float(c) if len(Z) > len(near) else 0.0 for Z in (Y, X))
         return Gospa(max(parts), *parts)
-    costs = least_costs(power_each(np.minimum(gaps, c), p))
+    costs = least_costs(_find_powers(gaps, float(c), float(p)))
     inside, half = costs[costs < power(c, p)], power(c, p) / 2
     sums = float(inside.sum()), (len(Y) - len(inside)) * half, (len(X) - len(inside)) * half
     return Gospa(power(sums[0] + sums[1] + sums[2], 1 / p), *(power(part, 1 / p) for part in sums))
+
+
+@compiled
+def _find_gaps(one: Array, other: Array) -> Array:
+    """Distances (A, B) between points (A, 2) and (B, 2)."""
+    gaps = np.empty((len(one), len(other)))
+    for a in range(len(one)):
+        for b in range(len(other)):
+            x, y = one[a, 0] - other[b, 0], one[a, 1] - other[b, 1]
+            gaps[a, b] = math.sqrt(x * x + y * y)
+    return gaps
+
+
+@compiled
+def _find_powers(gaps: Array, c: float, p: float) -> Array:
+    """The p-th powers of distances (A, B), cut off at c."""
+    powers = np.empty(gaps.shape)
+    for a in range(gaps.shape[0]):
+        for b in range(gaps.shape[1]):
+            powers[a, b] = power(min(gaps[a, b], c), p)
+    return powers
 
 
 def check_metric(c: float, p: float) -> None:
@@ -115,7 +137,7 @@ def check_positions(name: str, positions: Array) -> Array:
 
     Raises ValueError for other shapes, as of states, and for positions that are not finite.
     """
-    found = np.asarray(positions, dtype=float)
+    found = np.require(positions, float, ("C", "W"))  # for other arrays Numba would compile functions once more
     if found.ndim > 2 or (found.size and found.shape[1:] != (2,)):
         raise ValueError(f"{name} must be (A, 2), are {found.shape}")
     found = found.reshape(-1, 2)

@@ -29,7 +29,7 @@ def teams():
 def test_rows_are_the_nearest_with_offsets_beliefs_and_times(teams):
     full = 0
     for situation in (s for team in teams for s in team):
-        found = Observations(2, tracks=2, trees=4).of(situation)
+        found = Observations(2, tracks=2, trees=4, undetected=True).of(situation)
         here = situation.own.position
         near = sorted(situation.tracks, key=lambda t: np.linalg.norm(t.belief.mean[:2] - here[:2]))[:2]
         assert found["tracks_mask"].tolist() == [1] * len(near) + [0] * (2 - len(near))
@@ -50,9 +50,18 @@ def test_rows_are_the_nearest_with_offsets_beliefs_and_times(teams):
 
 def test_where_undetected_people_are_not_estimated_none_are_expected(random_team):
     situation = random_team(0)[0]
-    found = Observations(2).of(situation)
+    found = Observations(2, undetected=True).of(situation)
     assert situation.undetected is None and found["undetected"].shape == (20, 30) and not found["undetected"].any()
     assert "neighbours" not in Observations(0).of(situation)
+
+
+def test_the_map_of_undetected_people_is_left_out_unless_it_is_asked_for(teams):
+    sizes = []
+    for given in ({}, {"undetected": True}):
+        found, vector = (Observations(2, **given, flat=flat).of(teams[0][0]) for flat in (False, True))
+        assert ("undetected" in found) == bool(given)
+        sizes.append(len(vector))
+    assert sizes[1] - sizes[0] == 600 > 3 * sizes[0]
 
 
 def test_own_state_and_neighbours_come_with_their_velocities(teams):
@@ -70,7 +79,7 @@ def test_own_state_and_neighbours_come_with_their_velocities(teams):
 
 def test_scaled_rows_are_the_same_in_units_of_area_speed_and_minutes_and_cut_off(teams):
     for situation in (s for team in teams for s in team):
-        plain, scaled = (Observations(2, scaled=given).of(situation) for given in (False, True))
+        plain, scaled = (Observations(2, scaled=given, undetected=True).of(situation) for given in (False, True))
         half, top = max(situation.area) / 2, situation.own.max_speed
         units = {"own": [half, half, half, top, top, half], "trees": [half] * 3, "undetected": 1.0}
         units |= {"tracks": [half, half, top, top, 100, 100, 100, 1, 60], "neighbours": [half] * 3 + [top, top, half]}

@@ -10,11 +10,17 @@ from helpers.teams import Spy
 
 from planning.planner import Plan
 from planning.planner_loading import load_planner
+from sim.mission import snapshot
 from sim.mission.archive import compute_digest
 from sim.mission.mission import Mission
+from sim.mission.plan_check import copy_situation
 from sim.running.fly import record
 from sim.scenario.loading import load_scenario
+from tracking.detection.noise import NoiseModel
 from tracking.errors import InputError
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import Forest
 
 FLIGHTS = [
     ("sma-nbo(evaluations=64, horizon=3)", ["network.loss=0.2"]),
@@ -157,3 +163,41 @@ def test_branches_of_a_mission_go_on_as_it_does_and_apart_from_it(overrides):
         assert hash_of(flying, [*begun, *flying.fly()]) == whole
     for other in others:
         assert not np.array_equal(other[-1].poses[0].position, begun[-1].poses[0].position)
+
+
+def list_arrays(value):
+    """All arrays of a value but those of maps, cameras and motion models, which planners share."""
+    if isinstance(value, np.ndarray):
+        return [value]
+    if isinstance(value, Forest | Camera | NearlyConstantVelocity | NoiseModel):
+        return []
+    if isinstance(value, dict):
+        return list_arrays(list(value.values()))
+    if isinstance(value, list | tuple):
+        return [array for each in value for array in list_arrays(each)]
+    return list_arrays(dict(vars(value))) if hasattr(value, "__dict__") else []
+
+
+def test_a_copy_of_a_situation_shares_no_array_with_it():
+    with Mission(
+        load_scenario("forest", ["duration=3", "sensing.mode=ideal", "tracking.initial_tracks=none"])
+    ) as mission:
+        while mission.time < 2.0:
+            team = mission.team
+            mission.step([Plan(np.ones((2, 2)), {(s.own.id + 1) % 3: np.ones((1, 2))}) for s in team] if team else None)
+        for situation in mission.team:
+            copied = copy_situation(situation)
+            ours, theirs = list_arrays(situation), list_arrays(copied)
+            assert len(ours) == len(theirs) > 20 and situation.tracks and situation.looks and situation.intents
+            for one, other in zip(ours, theirs, strict=True):
+                np.testing.assert_array_equal(one, other)
+                assert not np.shares_memory(one, other)
+
+
+def test_errors_are_measured_only_if_somebody_asks_for_them(monkeypatch):
+    measured = []
+    monkeypatch.setattr(snapshot, "measure_errors", lambda *given: measured.append(given) or np.zeros((3, 3)))
+    with Mission(load_scenario("forest", ["duration=2", "sensing.mode=ideal"])) as mission:
+        steps = [mission.step(np.zeros((len(mission.team), 2))) for _ in range(3)]
+        assert not measured
+        assert [steps[1].ospa.shape, steps[1].error] == [(3, 3), 0.0] and len(measured) == 1

@@ -88,6 +88,32 @@ def test_ideal_sensing_detects_people_under_porous_trees_as_often_as_enough_of_t
     assert np.sum((expected > 0.1) & (expected < 0.9)) > 50
 
 
+@pytest.mark.parametrize("mode", ["ideal", "camera"])
+def test_shots_that_are_read_together_give_what_they_give_one_after_another(mode):
+    """To the bit, with misses, false alarms and porous trees."""
+    rng = np.random.default_rng(3)
+    sensing = Sensing(mode=mode, false_alarms=1.0, miss_probability=0.2)
+    setting = Scenario(uavs=tuple(Uav(start=(0.0, 9.0 * k), footprint=22.0) for k in range(3)), sensing=sensing)
+    forest = Forest(tuple(Tree(*rng.uniform(-12, 12, 2), 3.0, leaf_area_density=0.4) for _ in range(3)))
+    found = 0
+    with World(setting, forest, 20) as world:
+        one, other = (sensors(setting, world, forest) for _ in range(2))
+        for k in range(4):
+            people = rng.uniform(-12, 12, (20, 2))
+            people[k] = np.nan
+            world.place_people(people, np.zeros(20))
+            poses = [Pose.level(*rng.uniform(-3, 3, 2), setting.uavs[0].altitude) for _ in range(3)]
+            shots = [Shot(i, k, k / 5, pose, people) for i, pose in enumerate(poses)]
+            together = one.read_all([one.expose(shot) for shot in shots])
+            for reading, expected in zip(together, [take(other, shot) for shot in shots], strict=True):
+                for name in ("measurements", "covariances"):
+                    np.testing.assert_array_equal(getattr(reading.scan, name), getattr(expected.scan, name))
+                for name in ("pixels", "visible", "matched", "image"):
+                    np.testing.assert_array_equal(getattr(reading, name), getattr(expected, name))
+                found += len(reading.scan.measurements)
+    assert found > 30
+
+
 @pytest.mark.parametrize("draws", [400, pytest.param(1500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("mode", ["ideal", "camera"])
 @pytest.mark.parametrize("offset", [(7.0, -4.0), (0.5, 1.0)])

@@ -1,7 +1,10 @@
+import math
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from sim.world import pedestrian_steering
 from sim.world.pedestrian_steering import (
     SEPARATION,
     simulate,
@@ -60,3 +63,35 @@ def test_fast_walkers_overtake_and_routes_out_of_the_area_end_smoothly():
     assert np.hypot(*(walk[:, 0] - walk[:, 1]).T).min() >= SEPARATION and walk[-1, 0, 0] > walk[-1, 1, 0] + 15
     walk = steered([(40, 30), (0, 40)], [3.0, 1.5], [(140, 130), (0, 140)])
     assert np.all(np.abs(walk) <= HALF) and lateral_acceleration(walk).max() < 1.05
+
+
+def test_the_heading_that_people_choose_is_that_of_rating_all_headings():
+    """Most headings are never rated, because what they cost without any conflict is more than the best one costs."""
+    rng = np.random.default_rng(5)
+    turned = set()
+    for _ in range(300):
+        state = np.array([*rng.uniform(-HALF, HALF), *rng.uniform(-4.0, 4.0, 2)])
+        hazards = np.column_stack(
+            [state[:2] + rng.normal(0.0, 3.0, (6, 2)), rng.normal(0.0, 1.0, (6, 2)), np.full(6, 0.6)]
+        )
+        goal, decision, pace = state[2] + rng.normal(0.0, 1.0), state[2] + rng.normal(0.0, 1.0), rng.uniform(0.5, 3.0)
+        given = goal, decision, pace, hazards[: rng.integers(7)], HALF
+        found, costs = pedestrian_steering._decide(state, *given), rate_all(state, *given)
+        best, offset = int(np.argmin(costs)), 0.0
+        if 0 < best < 24:
+            before, after = costs[best - 1] - costs[best], costs[best + 1] - costs[best]
+            offset = 0.5 * (before - after) / max(before + after, 1e-12)
+        assert found == state[2] + (best - 12 + offset) * math.radians(9.0)
+        turned.add(best)
+    assert len(turned) > 15
+
+
+def rate_all(state, goal, decision, pace, hazards, half):
+    """Costs (25,) of all headings that a person may turn to."""
+    costs = []
+    for n in range(25):
+        heading = state[2] + (n - 12) * math.radians(9.0)
+        to_goal, to_decision = ((heading - to + math.pi) % (2 * math.pi) - math.pi for to in (goal, decision))
+        costs.append(to_goal * to_goal + 0.5 * to_decision * to_decision)
+        costs[-1] += pedestrian_steering._rate_conflict(state, heading, pace, hazards, half)
+    return costs

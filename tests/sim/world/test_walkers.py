@@ -6,6 +6,7 @@ import pytest
 from scipy import stats
 
 from sim.scenario.environment import Area, People, Trees
+from sim.world import walkers
 from sim.world.forest import grow
 from sim.world.pedestrian_steering import SEPARATION
 from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, draw_paces, walk
@@ -161,3 +162,12 @@ def test_walks_cover_any_duration_and_begin_as_shorter_ones():
 def test_people_and_areas_that_allow_no_walk_are_named(people, area, complaint):
     with pytest.raises(ValueError, match=complaint):
         walk(people, area, BARE, duration=1.0, rng=np.random.default_rng(0))
+
+
+def test_smooth_noise_is_the_moving_average_of_white_noise_to_the_bit():
+    rng = np.random.default_rng(2)
+    white, kernel = rng.normal(size=(700, 3)), rng.uniform(size=41)
+    expected = np.zeros((660, 3))
+    for n, weight in enumerate(kernel):
+        expected += weight * white[n : n + 660]
+    np.testing.assert_array_equal(walkers._smooth(white, kernel), expected)

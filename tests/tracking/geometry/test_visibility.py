@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, Tree, visible_samples
 
@@ -118,3 +118,26 @@ def test_probability_of_detection_agrees_with_sampling_behind_trees():
         errors.append(given - truth)
     assert np.max(np.abs(errors)) < 0.2 and np.sqrt(np.mean(np.square(errors))) < 0.06
     assert abs(np.mean(errors)) < 0.02
+
+
+def test_what_several_cameras_show_is_what_each_of_them_shows():
+    rng = np.random.default_rng(6)
+    forest = Forest(tuple(Tree(*rng.uniform(-15, 15, 2), 3.0, leaf_area_density=d) for d in (math.inf, 1.0, 2.0) * 3))
+    bent = Camera.calibrated(64, 48, (50.0, 52.0), (31.0, 25.0), (-0.2, 0.02, 0.001, -0.001, 0.0))
+    cameras = [Camera(1.0, 128), bent, Camera(ALL_ROUND, 128)]
+    poses = [
+        Pose(np.array([*rng.uniform(-3, 3, 2), 20.0]), np.array([math.sin(a), 0, 0, math.cos(a)]))
+        for a in (0, 0.1, 0.2)
+    ]
+    points = np.column_stack([rng.uniform(-15, 15, (60, 2)), np.full(60, TARGET_HEIGHT)])
+    rows = (
+        np.array([camera.optics.numbers for camera in cameras]),
+        *(np.array([getattr(pose, name) for pose in poses]) for name in ("position", "quaternion")),
+    )
+    found = forest.find_shown(*rows, points)
+    for row, camera, pose in zip(found, cameras, poses, strict=True):
+        expected = forest.detectabilities(camera.lens(pose), points) * camera.sees(pose, points)
+        np.testing.assert_array_equal(row, expected)
+        assert np.any((row > 0.0) & (row < 1.0)) and np.any(row == 0.0)
+    points[3] = np.nan
+    assert not forest.find_shown(*rows, points)[:, 3].any()
