@@ -102,7 +102,7 @@ class Message:
     @property
     def numbers(self) -> int:
         """Count of the numbers without novel information: 6, 29 for each track, and 2 for each deleted id."""
-        return 6 + _PER_TRACK * len(self.ids) + 2 * len(self.deleted)
+        return count_plain_numbers(len(self.ids), len(self.deleted))
 
     @cached_property
     def beliefs(self) -> Beliefs:
@@ -162,6 +162,11 @@ def are_alike(messages: Sequence[Message]) -> bool:
     """True if messages have the same tracks in the same rows, with the same times of sightings before this scan."""
     same = [m.table for m in messages]
     return not same or same.count(same[0]) == len(same)
+
+
+def count_plain_numbers(tracks: int, deleted: int) -> int:
+    """Count the numbers of a message about so many tracks and deletions, without novel information."""
+    return 6 + _PER_TRACK * tracks + 2 * deleted
 
 
 @compiled

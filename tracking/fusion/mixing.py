@@ -1,0 +1,179 @@
+"""Rounds of consensus on the columns of all messages of a fleet: weighted averages, and sums of novel information."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from tracking.fusion.message import Message, count_novel_numbers
+from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.compiled import compiled
+from tracking.track import SIGHTED_AT
+
+
+class FleetColumns(NamedTuple):
+    """Columns of N messages, as in `Message`; message n has `counts[n]` of the T rows, the first ones."""
+
+    counts: Indices  # (N,)
+    ids: Indices  # (N, T)
+    keys: Indices  # (N, T, 2)
+    shares: Array  # (N, T, 22)
+    times: Array  # (N, T, 4)
+    views: Indices  # (N, T, 2)
+    misses: Indices  # (N, T)
+    sightings: Array  # (N, T, 3)
+    novel: Array  # (N, T, W), with the columns of the message that has most of them
+    gained: Flags  # (N, T) set where there may be novel information; the others have zeros
+
+
+def stack_messages(messages: Sequence[Message]) -> FleetColumns:
+    """Columns of messages."""
+    counts = np.array([len(m.ids) for m in messages])
+    columns = make_columns(counts, int(counts.max(initial=0)), max(m.novel.shape[1] for m in messages))
+    for n, (m, count) in enumerate(zip(messages, counts.tolist(), strict=True)):
+        columns.ids[n, :count], columns.keys[n, :count], columns.shares[n, :count] = m.ids, m.keys, m.shares
+        columns.times[n, :count], columns.views[n, :count], columns.misses[n, :count] = m.times, m.views, m.misses
+        columns.sightings[n, :count] = m.sightings
+        columns.novel[n, :count, : m.novel.shape[1]] = m.novel
+        columns.novel[n, :count, m.novel.shape[1] :] = 0.0
+        columns.gained[n, :count] = m.novel.any(axis=1)
+    return columns
+
+
+def make_columns(counts: Indices, rows: int, width: int) -> FleetColumns:
+    """Columns, not yet filled, of messages with so many tracks (N,), of at most `rows` each."""
+    count = len(counts)
+    return FleetColumns(
+        counts,
+        ids=np.empty((count, rows), dtype=np.int64),
+        keys=np.empty((count, rows, 2), dtype=np.int64),
+        shares=np.empty((count, rows, 22)),
+        times=np.empty((count, rows, 4)),
+        views=np.empty((count, rows, 2), dtype=np.int64),
+        misses=np.empty((count, rows), dtype=np.int64),
+        sightings=np.empty((count, rows, 3)),
+        novel=np.empty((count, rows, width)),
+        gained=np.empty((count, rows), dtype=np.bool_),
+    )
+
+
+def widen(columns: FleetColumns, rows: int) -> FleetColumns:
+    """The columns with room for more tracks of each message."""
+    wider = make_columns(columns.counts, rows, columns.novel.shape[2])
+    for new, old in zip(wider[1:], columns[1:], strict=True):
+        new[:, : old.shape[1]] = old
+    return wider
+
+
+@compiled
+def mix_tracks(before: FleetColumns, after: FleetColumns, heard: Indices, rows: Indices, degrees: Array) -> None:
+    """Mix the tracks of a UAV in a round: write its rows of the columns `after` the round but ids and keys.
+
+    heard (H,): its message and those that it received, in the columns `before` the round; rows (H, T): row of each
+    track in each of these, -1 for none; degrees (N,): of all messages. A message hands over its share of the difference
+    to the own columns, in which a track that is not there counts as zeros. It also tells the latest times and
+    sightings, all views, and the common misses.
+    """
+    i, no_shares, no_novel = heard[0], np.zeros(before.shares.shape[2]), np.zeros(before.novel.shape[2])
+    after.counts[i] = rows.shape[1]
+    for t in range(rows.shape[1]):
+        own = rows[0, t]
+        gained, here, novel = False, no_shares, no_novel
+        if own >= 0:
+            gained, here, novel = before.gained[i, own], before.shares[i, own], before.novel[i, own]
+        _take(before, (i, own), after, (i, t))
+        for k in range(1, len(heard)):
+            j, r = heard[k], rows[k, t]
+            if r >= 0:
+                gained |= before.gained[j, r]
+                _take_latest(before, (j, r), after, (i, t))
+        after.gained[i, t] = gained
+        _copy(here, after.shares[i, t])
+        _copy(novel, after.novel[i, t])
+        for k in range(1, len(heard)):
+            j, r = heard[k], rows[k, t]
+            divisor = 1.0 + max(degrees[i], degrees[j])
+            _add_share(after.shares[i, t], here, before.shares[j, r] if r >= 0 else no_shares, divisor)
+            if gained:
+                _add_share(after.novel[i, t], novel, before.novel[j, r] if r >= 0 else no_novel, divisor)
+
+
+@compiled
+def _take(before: FleetColumns, source: tuple[int, int], after: FleetColumns, target: tuple[int, int]) -> None:
+    """Copy what is not averaged of a message's row; -1 as row is none."""
+    (i, own), (n, t) = source, target
+    there = own >= 0
+    after.misses[n, t] = before.misses[i, own] if there else -1  # which has all bits
+    for c in range(2):
+        after.views[n, t, c] = before.views[i, own, c] if there else 0
+    for c in range(4):
+        after.times[n, t, c] = before.times[i, own, c] if there else -np.inf
+    for c in range(3):
+        after.sightings[n, t, c] = before.sightings[i, own, c] if there else -np.inf
+
+
+@compiled
+def _take_latest(before: FleetColumns, source: tuple[int, int], after: FleetColumns, target: tuple[int, int]) -> None:
+    """Take over from a message's row the latest times and sightings, all views, and the common misses."""
+    (j, r), (n, t) = source, target
+    for c in range(4):
+        after.times[n, t, c] = max(after.times[n, t, c], before.times[j, r, c])
+    after.views[n, t, 0] |= before.views[j, r, 0]
+    after.views[n, t, 1] |= before.views[j, r, 1]
+    after.misses[n, t] &= before.misses[j, r]
+    for c in range(3 if before.sightings[j, r, SIGHTED_AT] > after.sightings[n, t, SIGHTED_AT] else 0):
+        after.sightings[n, t, c] = before.sightings[j, r, c]
+
+
+@compiled
+def _copy(values: Array, target: Array) -> None:
+    for w in range(len(values)):
+        target[w] = values[w]
+
+
+@compiled
+def _add_share(total: Array, here: Array, there: Array, divisor: float) -> None:
+    for w in range(len(total)):
+        total[w] += (there[w] - here[w]) / divisor
+
+
+@compiled
+def mix_rounds(columns: FleetColumns, spare: FleetColumns, degrees: Array, heard: Flags) -> Indices:
+    """Mix N messages with the same tracks in the same rows; returns the numbers (N,) of novel information sent.
+
+    degrees (N,); heard (R, N, N): flags of the UAVs that each UAV hears in each round. The columns alternate: after an
+    odd number of rounds, the result is in the `spare` ones.
+    """
+    count = len(degrees)
+    numbers, told = np.zeros(count, np.int64), np.empty(count, np.int64)
+    rows = np.empty((count, columns.counts[0]), np.int64)
+    for i in range(count):
+        for t in range(rows.shape[1]):
+            rows[i, t] = t
+    for k in range(len(heard)):
+        numbers += count_novel(columns)
+        for i in range(count):
+            told[0], messages = i, 1
+            for j in range(count):
+                if heard[k, i, j]:
+                    told[messages] = j
+                    messages += 1
+            mix_tracks(columns, spare, told[:messages], rows[:messages], degrees)
+            for t in range(rows.shape[1]):
+                spare.ids[i, t] = columns.ids[i, t]
+                spare.keys[i, t, 0], spare.keys[i, t, 1] = columns.keys[i, t, 0], columns.keys[i, t, 1]
+        columns, spare = spare, columns
+    return numbers
+
+
+@compiled
+def count_novel(columns: FleetColumns) -> Indices:
+    """Count the numbers of novel information in each message (N,)."""
+    numbers = np.zeros(len(columns.counts), np.int64)
+    for n in range(len(numbers)):
+        for t in range(columns.counts[n]):
+            if columns.gained[n, t]:
+                numbers[n] += count_novel_numbers(columns.novel[n, t : t + 1])
+    return numbers
