@@ -162,8 +162,8 @@ class _Fleet:
             self._columns, order, [self._deleted[k] for k in order], (first.scan, first.time), max_speed
         )
         count = len(joint.ids)
-        if count > self._after.ids.shape[1]:
-            self._columns, self._after = widen(self._columns, count), widen(self._after, count)
+        if count >= self._after.ids.shape[1]:
+            self._columns, self._after = widen(self._columns, 1 + count), widen(self._after, 1 + count)
         rows = joint.rows if order == known else joint.rows[[order.index(k) for k in known]]
         mix_tracks(self._columns, self._after, np.array(known), rows, self._degrees)
         self._after.ids[i, :count], self._after.keys[i, :count] = joint.ids, joint.keys

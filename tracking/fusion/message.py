@@ -21,7 +21,7 @@ INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 WEIGHT, LOG_ODDS = 0, 1 + INFORMATION
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
 # Columns of tracks, and their values for a track that a message lacks; -1 has all bits.
-_COLUMNS = {
+EMPTY = {
     "ids": -1,
     "keys": -1,
     "shares": 0,
@@ -126,7 +126,7 @@ class Message:
     def select(self, rows: Indices, **changed: Any) -> Message:  # noqa: ANN401 - as many types as fields
         """A copy with these rows of its tracks, where a row of -1 is empty, and with other fields changed."""
         there = rows >= 0
-        for name, empty in _COLUMNS.items():
+        for name, empty in EMPTY.items():
             if name not in changed:
                 column = getattr(self, name)
                 changed[name] = np.full((len(rows), *column.shape[1:]), empty, column.dtype)

@@ -7,14 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.fusion.message import Message, count_novel_numbers
+from tracking.fusion.message import EMPTY, Message, count_novel_numbers
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.track import SIGHTED_AT
 
 
 class FleetColumns(NamedTuple):
-    """Columns of N messages, as in `Message`; message n has `counts[n]` of the T rows, the first ones."""
+    """Columns of N messages, as in `Message`; message n has the first `counts[n]` of the T rows.
+
+    The last row of each is that of a track that the message lacks: it adds nothing to what others tell.
+    """
 
     counts: Indices  # (N,)
     ids: Indices  # (N, T)
@@ -31,7 +34,7 @@ class FleetColumns(NamedTuple):
 def stack_messages(messages: Sequence[Message]) -> FleetColumns:
     """Columns of messages."""
     counts = np.array([len(m.ids) for m in messages])
-    columns = make_columns(counts, int(counts.max(initial=0)), max(m.novel.shape[1] for m in messages))
+    columns = make_columns(counts, 1 + int(counts.max(initial=0)), max(m.novel.shape[1] for m in messages))
     for n, (m, count) in enumerate(zip(messages, counts.tolist(), strict=True)):
         columns.ids[n, :count], columns.keys[n, :count], columns.shares[n, :count] = m.ids, m.keys, m.shares
         columns.times[n, :count], columns.views[n, :count], columns.misses[n, :count] = m.times, m.views, m.misses
@@ -43,9 +46,9 @@ def stack_messages(messages: Sequence[Message]) -> FleetColumns:
 
 
 def make_columns(counts: Indices, rows: int, width: int) -> FleetColumns:
-    """Columns, not yet filled, of messages with so many tracks (N,), of at most `rows` each."""
+    """Columns, not yet filled, for messages with so many tracks (N,) in so many rows."""
     count = len(counts)
-    return FleetColumns(
+    made = FleetColumns(
         counts,
         ids=np.empty((count, rows), dtype=np.int64),
         keys=np.empty((count, rows, 2), dtype=np.int64),
@@ -57,13 +60,17 @@ def make_columns(counts: Indices, rows: int, width: int) -> FleetColumns:
         novel=np.empty((count, rows, width)),
         gained=np.empty((count, rows), dtype=np.bool_),
     )
+    for name, empty in EMPTY.items():
+        getattr(made, name)[:, -1] = empty
+    made.gained[:, -1] = False
+    return made
 
 
 def widen(columns: FleetColumns, rows: int) -> FleetColumns:
     """The columns with room for more tracks of each message."""
     wider = make_columns(columns.counts, rows, columns.novel.shape[2])
     for new, old in zip(wider[1:], columns[1:], strict=True):
-        new[:, : old.shape[1]] = old
+        new[:, : old.shape[1] - 1] = old[:, :-1]
     return wider
 
 
@@ -72,71 +79,42 @@ def mix_tracks(before: FleetColumns, after: FleetColumns, heard: Indices, rows: 
     """Mix the tracks of a UAV in a round: write its rows of the columns `after` the round but ids and keys.
 
     heard (H,): its message and those that it received, in the columns `before` the round; rows (H, T): row of each
-    track in each of these, -1 for none; degrees (N,): of all messages. A message hands over its share of the difference
-    to the own columns, in which a track that is not there counts as zeros. It also tells the latest times and
-    sightings, all views, and the common misses.
+    track in each of these, -1 for none, which is the empty row; degrees (N,): of all messages. A message hands over its
+    share of the difference to the own columns. It also tells the latest times and sightings, all views, and the common
+    misses.
     """
-    i, no_shares, no_novel = heard[0], np.zeros(before.shares.shape[2]), np.zeros(before.novel.shape[2])
+    i = heard[0]
     after.counts[i] = rows.shape[1]
     for t in range(rows.shape[1]):
-        own = rows[0, t]
-        gained, here, novel = False, no_shares, no_novel
-        if own >= 0:
-            gained, here, novel = before.gained[i, own], before.shares[i, own], before.novel[i, own]
-        _take(before, (i, own), after, (i, t))
-        for k in range(1, len(heard)):
-            j, r = heard[k], rows[k, t]
-            if r >= 0:
-                gained |= before.gained[j, r]
-                _take_latest(before, (j, r), after, (i, t))
+        own, gained = rows[0, t], False
+        for k in range(len(heard)):
+            gained |= before.gained[heard[k], rows[k, t]]
         after.gained[i, t] = gained
-        _copy(here, after.shares[i, t])
-        _copy(novel, after.novel[i, t])
+        for w in range(before.shares.shape[2]):
+            after.shares[i, t, w] = before.shares[i, own, w]
+        for w in range(before.novel.shape[2]):
+            after.novel[i, t, w] = before.novel[i, own, w]
+        after.misses[i, t] = before.misses[i, own]
+        for c in range(2):
+            after.views[i, t, c] = before.views[i, own, c]
+        for c in range(4):
+            after.times[i, t, c] = before.times[i, own, c]
+        for c in range(3):
+            after.sightings[i, t, c] = before.sightings[i, own, c]
         for k in range(1, len(heard)):
             j, r = heard[k], rows[k, t]
             divisor = 1.0 + max(degrees[i], degrees[j])
-            _add_share(after.shares[i, t], here, before.shares[j, r] if r >= 0 else no_shares, divisor)
-            if gained:
-                _add_share(after.novel[i, t], novel, before.novel[j, r] if r >= 0 else no_novel, divisor)
-
-
-@compiled
-def _take(before: FleetColumns, source: tuple[int, int], after: FleetColumns, target: tuple[int, int]) -> None:
-    """Copy what is not averaged of a message's row; -1 as row is none."""
-    (i, own), (n, t) = source, target
-    there = own >= 0
-    after.misses[n, t] = before.misses[i, own] if there else -1  # which has all bits
-    for c in range(2):
-        after.views[n, t, c] = before.views[i, own, c] if there else 0
-    for c in range(4):
-        after.times[n, t, c] = before.times[i, own, c] if there else -np.inf
-    for c in range(3):
-        after.sightings[n, t, c] = before.sightings[i, own, c] if there else -np.inf
-
-
-@compiled
-def _take_latest(before: FleetColumns, source: tuple[int, int], after: FleetColumns, target: tuple[int, int]) -> None:
-    """Take over from a message's row the latest times and sightings, all views, and the common misses."""
-    (j, r), (n, t) = source, target
-    for c in range(4):
-        after.times[n, t, c] = max(after.times[n, t, c], before.times[j, r, c])
-    after.views[n, t, 0] |= before.views[j, r, 0]
-    after.views[n, t, 1] |= before.views[j, r, 1]
-    after.misses[n, t] &= before.misses[j, r]
-    for c in range(3 if before.sightings[j, r, SIGHTED_AT] > after.sightings[n, t, SIGHTED_AT] else 0):
-        after.sightings[n, t, c] = before.sightings[j, r, c]
-
-
-@compiled
-def _copy(values: Array, target: Array) -> None:
-    for w in range(len(values)):
-        target[w] = values[w]
-
-
-@compiled
-def _add_share(total: Array, here: Array, there: Array, divisor: float) -> None:
-    for w in range(len(total)):
-        total[w] += (there[w] - here[w]) / divisor
+            for w in range(before.shares.shape[2]):
+                after.shares[i, t, w] += (before.shares[j, r, w] - before.shares[i, own, w]) / divisor
+            for w in range(before.novel.shape[2] if gained else 0):
+                after.novel[i, t, w] += (before.novel[j, r, w] - before.novel[i, own, w]) / divisor
+            after.misses[i, t] &= before.misses[j, r]
+            for c in range(2):
+                after.views[i, t, c] |= before.views[j, r, c]
+            for c in range(4):
+                after.times[i, t, c] = max(after.times[i, t, c], before.times[j, r, c])
+            for c in range(3 if before.sightings[j, r, SIGHTED_AT] > after.sightings[i, t, SIGHTED_AT] else 0):
+                after.sightings[i, t, c] = before.sightings[j, r, c]
 
 
 @compiled
