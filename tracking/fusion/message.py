@@ -117,7 +117,7 @@ class Message:
 
     def existence(self) -> Array:
         """Existence probabilities (T,)."""
-        return from_log_odds(self.shares[:, LOG_ODDS] / self.shares[:, WEIGHT])
+        return read_existence(self.shares)
 
     def latest_sightings(self) -> Array:
         """Position [m] and time [s] of the last sure detections (T, 3), including this scan."""
@@ -146,6 +146,15 @@ def find_beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
             packed[t, i] += novel[t, i] / (most if most > 0.0 else 1.0)
     covariances = inverses(packed[:, 4:].copy().reshape(-1, 4, 4))
     return products(covariances, packed[:, :4].copy().reshape(-1, 4, 1))[:, :, 0].copy(), covariances
+
+
+@compiled
+def read_existence(shares: Array) -> Array:
+    """Existence probabilities (T,) from shares (T, 22)."""
+    out = np.empty(len(shares))
+    for t in range(len(out)):
+        out[t] = from_log_odds(shares[t, LOG_ODDS] / shares[t, WEIGHT])
+    return out
 
 
 @compiled

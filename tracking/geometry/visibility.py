@@ -23,7 +23,9 @@ EXTINCTION = 0.5
 
 def at_target_height(places: Array) -> Array:
     """Points (N, 3) m at `TARGET_HEIGHT` over places (N, 2) m."""
-    return np.column_stack([places, np.full(len(places), TARGET_HEIGHT)])
+    points = np.empty((len(places), 3))
+    points[:, :2], points[:, 2] = places, TARGET_HEIGHT
+    return points
 
 
 Occlusion = Literal["line_of_sight", "disc"]
@@ -76,6 +78,13 @@ class Tree:
         x, y, base = self.x, self.y, self.canopy_base
         trunk = Solid("trunk", x, y, self.trunk_radius, 0.0, base)
         return trunk, Solid("canopy", x, y, self.canopy_radius, base, self.canopy_top, self.leaf_area_density)
+
+
+class Occluders(NamedTuple):
+    """What hides people, for compiled code."""
+
+    cylinders: Array  # (B, 6)
+    grid: Grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +154,11 @@ class Forest:
     def from_west(self) -> Indices:
         """Indices (B,) of the `blockers` from west to east."""
         return np.argsort(self.blockers[:, 0], kind="stable")
+
+    @cached_property
+    def occluders(self) -> Occluders:
+        """The `blockers` with their `grid`, for compiled code."""
+        return Occluders(self.blockers, self.grid)
 
     @cached_property
     def grid(self) -> Grid:
@@ -269,17 +283,22 @@ def visible_samples(forest: Forest, means: Array, covariances: Array, *frames: L
     Beliefs: means (N, 2 or 4) and covariances (N, 2 or 4, 2 or 4) in m; the samples are mean + L `SAMPLES`, where L Lᵀ
     is the covariance of the position. frames: lenses as from `Camera.lens`; None shows nothing.
     """
-    roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))
     views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
     for k, lens in enumerate(frames):
         if lens:
-            views[:, k] = _see_samples(means, roots, lens, forest.blockers, forest.grid)
+            views[:, k] = see_samples(means, covariances, lens, forest.occluders)
     return views
 
 
 @compiled
-def _see_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
-    seen = np.empty((len(means), len(SAMPLES)), dtype=np.bool_)
+def see_samples(means: Array, covariances: Array, lens: Lens, occluders: Occluders) -> Flags:
+    """Flags (N, 36) of the samples of each belief that a frame shows, as `visible_samples`."""
+    seen, roots = np.empty((len(means), len(SAMPLES)), dtype=np.bool_), np.empty((len(means), 2, 2))
+    for i in range(len(means)):
+        for a in range(2):
+            for b in range(2):
+                roots[i, a, b] = covariances[i, a, b]
+    roots, cylinders, grid = cholesky_factors(roots), occluders.cylinders, occluders.grid
     for i in range(len(means)):
         for k in range(len(SAMPLES)):
             x = means[i, 0] + roots[i, 0, 0] * SAMPLES[k, 0]
