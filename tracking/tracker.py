@@ -26,7 +26,7 @@ from tracking.fusion.message import (
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLES, Forest, Occluders, at_target_height, see_samples
-from tracking.management.deletion import count_misses, find_duplicates, find_outcompeted
+from tracking.management.deletion import count_misses, find_duplicates, find_outcompeted, find_rivals
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.management.input_check import check_scan, check_tracks
 from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks, turned_density
@@ -153,9 +153,10 @@ class Tracker:
         frames = self._look(scan.time, lens)
         table = self._table
         beliefs = Beliefs(table.means, table.covariances)
-        table.times, table.views, before = _view_tracks(
+        table.times, table.views, *told = _view_tracks(
             beliefs, table.existence, table.times, frames, self._forest.occluders, scan.time, p.scan
         )
+        before = ScanPrediction(*beliefs, Beliefs(*told[:2]), table.existence, *told[2:])
         turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
         shares = self._forest.detectabilities_through_leaves(lens, at_target_height(z))
         after = update_scan(before, Measured(z, R, shares, turned), p)
@@ -168,13 +169,15 @@ class Tracker:
             after.missed, after.gates, before.visible, columns, scan.time, p.scan.by_existence
         )
         table.means, table.covariances, table.existence = after[:3]
-        self._initiate(lens, z[~after.explained], R[~after.explained])
+        if self._tentative or not after.explained.all():
+            self._initiate(lens, z[~after.explained], R[~after.explained])
+        self._waited = 0.0
 
     def _initiate(self, lens: Lens, z: Array, R: Array) -> None:
         """Begin tracks of new people, from the measurements z (N, 2) m, R (N, 2, 2) m² that tracks do not explain."""
-        time, elapsed, self._waited = self._messenger.time, self._waited, 0.0
+        time, elapsed, p = self._messenger.time, self._waited, self.parameters
         new, self._tentative = initiate_tracks(
-            self._tentative, z, R, time=time, elapsed=elapsed, forest=self._forest, lens=lens, p=self.parameters
+            self._tentative, z, R, time=time, elapsed=elapsed, forest=self._forest, lens=lens, p=p
         )
         # Tracks for which there are no ids begin in the next scan.
         new, self._tentative = new[:_MOST_NEW], new[_MOST_NEW:] + self._tentative
@@ -189,7 +192,7 @@ class Tracker:
         self._predict(time)
         frames, table = self._look(time, None), self._table
         beliefs = Beliefs(table.means, table.covariances)
-        table.times, table.views, _ = _view_tracks(
+        table.times, table.views, *_ = _view_tracks(
             beliefs, table.existence, table.times, frames, self._forest.occluders, time, self.parameters.scan
         )
 
@@ -233,30 +236,25 @@ class Tracker:
         """Take over the fleet's tracks; then merge, delete and re-acquire tracks, as all UAVs do alike."""
         if self._registration:
             self._registration.learn(message.ids, message.beliefs.covariances, 1 + message.degree)
-        table, unlikely = self._adopt(message)
-        wide = _find_variances(table) > self.parameters.settings.max_variance
-        merged = self._merge_duplicates(table, ~(unlikely | wide))
+        table, unlikely, wide, rivals = self._adopt(message)
+        merged = self._merge_duplicates(table, ~(unlikely | wide)) if rivals > 1 else {}
         self._table = self._reacquire(self._delete(table, unlikely, wide, merged))
         self._tracks = None
         detected = self._table.sightings[:, SIGHTED_AT] >= self._messenger.time
         if detected.any() and hasattr(self.motion, "learn"):
             self.motion = self.motion.learn(self._table.means[detected, 2:])
 
-    def _adopt(self, message: Message) -> tuple[TrackTable, Flags]:
-        """The fleet's tracks with the negative information of all frames and the scan's misses, and who is unlikely.
-
-        A flag (T,) is set if a track probably is of nobody: by its existence or, with m of n, by its misses.
-        """
+    def _adopt(self, message: Message) -> tuple[TrackTable, Flags, Flags, int]:
+        """The fleet's tracks with the negative information of all frames and the scan's misses; the rest as `_adopt`."""
         self._messenger.accept(message)
         self._evidence = NO_EVIDENCE
         columns = message.shares, message.times, message.views, message.misses, message.sightings
-        means, covariances, existence, misses, sightings, unlikely = _adopt(
+        means, covariances, existence, misses, sightings, *rest = _adopt(
             message.beliefs, columns, self._messenger.time, self.parameters.scan
         )
-        weights = np.full(len(means), UNSEEN)
-        ids = message.ids.copy()
+        ids, weights = message.ids.copy(), np.full(len(means), UNSEEN)
         table = TrackTable(ids, means, covariances, existence, weights, message.times, message.views, misses, sightings)
-        return table, unlikely
+        return table, *rest
 
     def _merge_duplicates(self, table: TrackTable, among: Flags) -> dict[int, int]:
         """Merge tracks that share one person; returns the row of the track that goes on, by that of the other.
@@ -279,9 +277,9 @@ class Tracker:
     def _delete(self, table: TrackTable, unlikely: Flags, wide: Flags, merged: Mapping[int, int]) -> TrackTable:
         """The table without its unlikely, wide and merged tracks, which the account and the next message name."""
         gone = unlikely | wide
-        gone[list(merged)] = True
-        if not gone.any():
+        if not merged and not gone.any():
             return table
+        gone[list(merged)] = True
         self._messenger.delete(table.ids[gone].tolist())
         variances = _find_variances(table)
         for t in np.flatnonzero(gone).tolist():
@@ -328,10 +326,11 @@ def _view_tracks(
     occluders: Occluders,
     now: float,
     settings: ScanSettings,
-) -> tuple[Array, Indices, ScanPrediction]:
-    """What the frames of a scan at `now` s show of T tracks: columns `times` and `views`, and what a detection tells.
+) -> tuple[Array, Indices, Array, Array, Array, Array]:
+    """What the frames of a scan at `now` s show of T tracks: the columns `times` and `views`.
 
-    existence (T,): probabilities; times (T, 4), as in the table.
+    existence (T,): probabilities; times (T, 4), as in the table. Returns also the means and covariances of `undetected`
+    beliefs, `visible` and `detectable` of a `ScanPrediction`.
     """
     means, covariances = beliefs
     views, bits = np.zeros((len(means), 2, len(SAMPLES)), np.bool_), np.zeros((len(means), 2), np.int64)
@@ -349,7 +348,9 @@ def _view_tracks(
         times[t, FRAME_AT] = frames.framed if bits[t, FRAME_BEFORE] > 0 else -np.inf
         since[t] = now - times[t, FRAME_AT]
     missed = miss_likelihood(means, covariances, views, since, settings.detection_probability)
-    return times, bits, predict_scan(beliefs, existence, seen, missed, settings)
+    told = predict_scan(beliefs, existence, seen, missed, settings)
+    moved, spread = told.undetected
+    return times, bits, moved, spread, told.visible, told.detectable
 
 
 @compiled
@@ -378,10 +379,12 @@ def _note_detections(
 @compiled
 def _adopt(
     beliefs: Beliefs, columns: tuple[Array, Array, Indices, Indices, Array], now: float, settings: ScanSettings
-) -> tuple[Array, Array, Array, Indices, Array, Flags]:
-    """Means, covariances, existence, misses and sightings of the fleet's tracks after a scan at `now` s, and flags.
+) -> tuple[Array, Array, Array, Indices, Array, Flags, Flags, int]:
+    """Means, covariances, existence, misses and sightings of the fleet's tracks after a scan at `now` s.
 
-    The beliefs have the negative information of all frames; flags (T,) are set for tracks that probably are of nobody.
+    The beliefs have the negative information of all frames. Returns also flags (T,) of tracks that probably are of
+    nobody, by their existence or, with m of n, by their misses; flags (T,) of too wide ones; and how many of the others
+    may share a person with another one.
     columns: `shares`, `times`, `views`, `misses` and `sightings` of a message.
     """
     means, covariances = beliefs
@@ -393,23 +396,23 @@ def _adopt(
         since[t] = now - times[t, FRAME_AT]
         if not times[t, DETECTED_AT] >= now:
             undetected = True
-            for f in range(2):
-                for k in range(len(SAMPLES)):
-                    shown[t, f, k] = views[t, f] >> k & 1 != 0
+            for k in range(len(SAMPLES)):
+                shown[t, THIS_FRAME, k] = views[t, THIS_FRAME] >> k & 1 != 0
+                shown[t, FRAME_BEFORE, k] = views[t, FRAME_BEFORE] >> k & 1 != 0
     if undetected:
         missed = miss_likelihood(means, covariances, shown, since, settings.detection_probability)
         tempered = temper(missed, settings.negative_information)
         means, covariances = negative_information_update(means, covariances, tempered)
     counted = count_misses(misses, times, now, settings.delete[1])
-    existence, unlikely = np.ones(len(means)), np.zeros(len(means), np.bool_)
-    if settings.by_existence:
-        existence = read_existence(shares)
+    existence = read_existence(shares) if settings.by_existence else np.ones(len(means))
+    unlikely, wide = np.empty(len(means), np.bool_), np.empty(len(means), np.bool_)
+    recent = np.empty(len(means), np.bool_)
     for t in range(len(means)):
-        if settings.by_existence:
-            unlikely[t] = existence[t] < settings.deletion_threshold
-        else:
-            count = 0
-            for k in range(settings.delete[1]):
-                count += counted[t] >> k & 1
-            unlikely[t] = count >= settings.delete[0]
-    return means, covariances, existence, counted, latest, unlikely
+        misses_counted = 0
+        for k in range(settings.delete[1]):
+            misses_counted += counted[t] >> k & 1
+        missing = misses_counted >= settings.delete[0]
+        unlikely[t] = existence[t] < settings.deletion_threshold if settings.by_existence else missing
+        wide[t] = covariances[t, 0, 0] + covariances[t, 1, 1] > settings.max_variance
+        recent[t] = times[t, DETECTED_AT] > now - _SHARED_WITHIN and not (unlikely[t] or wide[t])
+    return means, covariances, existence, counted, latest, unlikely, wide, len(find_rivals(existence, recent))

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from tracking.fusion.member import Member
-from tracking.fusion.message import EndedTrack, Message, Partition, are_alike, count_plain_numbers
-from tracking.fusion.mixing import count_novel, make_columns, mix_rounds, mix_tracks, stack_messages, widen
+from tracking.fusion.message import EMPTY, EndedTrack, Message, Partition, are_alike, count_plain_numbers
+from tracking.fusion.mixing import count_novel, make_columns, mix_rounds, mix_tracks, stack_alike, stack_messages, widen
 from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Flags, Indices
 from tracking.track import Scan
@@ -34,16 +34,15 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
     sent = np.zeros(len(members), dtype=np.int64)
     if rounds and linked.any():
         heard = np.repeat(linked[None], rounds, axis=0) if lost is None else np.ascontiguousarray(linked & ~lost)
-        fleet = _Fleet(messages)
         if are_alike(messages):  # and stay so
-            sizes = fleet.mix_alike(heard)
+            messages, sizes = _mix_alike(messages, heard)
         else:
-            sizes = np.zeros_like(sent)
+            fleet, sizes = _Fleet(messages), np.zeros_like(sent)
             for of in heard:
                 sizes += fleet.sizes()
                 fleet.mix(of, [member.max_speed for member in members])
+            messages = [fleet.message(i) for i in range(len(members))]
         sent += linked.any(axis=1) * sizes
-        messages = [fleet.message(i) for i in range(len(members))]
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
     return sent
@@ -85,8 +84,8 @@ def step(
             tracker.step(given[tracker.uav])
         else:
             tracker.coast(times[0])
-    complete = ~np.eye(len(fleet), dtype=np.bool_)
-    return fuse(fleet, complete if adjacency is None else adjacency, rounds, lost)
+    graph = ~np.eye(len(fleet), dtype=np.bool_) if adjacency is None else adjacency
+    return fuse(fleet, graph, rounds, lost)
 
 
 def pool(members: Sequence[Member]) -> Message:
@@ -105,8 +104,26 @@ def combine(own: Message, received: Sequence[Message], max_speed: float) -> Mess
     return fleet.message(0)
 
 
+def _mix_alike(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indices]:
+    """Messages after R rounds, from N messages with the same tracks in the same rows, and bytes sent by each UAV (N,).
+
+    heard (R, N, N): flags of the UAVs that each UAV heard in each round. One table serves all UAVs and rounds.
+    """
+    degrees = np.array([m.degree for m in messages], dtype=float)
+    columns, numbers = mix_rounds(stack_alike(messages), degrees, heard)
+    partitions = [m.partition for m in messages]
+    for of in heard:
+        if len(set(partitions)) > 1:
+            partitions = [_join_partitions(partitions, known) for known in _list_heard(of)]
+    mixed = [
+        Message(m.uav, m.degree, m.scan, m.time, partition, m.ids, m.keys, q, t, v, n, s, m.deleted, added)
+        for m, partition, q, t, v, n, s, added in zip(messages, partitions, *columns, strict=True)
+    ]
+    return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))
+
+
 class _Fleet:
-    """Messages of N UAVs in rounds of consensus."""
+    """Messages of N UAVs in rounds of consensus, whose tracks have to be associated."""
 
     def __init__(self, messages: Sequence[Message]) -> None:
         self._said = messages  # before the first round
@@ -119,48 +136,30 @@ class _Fleet:
 
     def sizes(self) -> Indices:
         """Bytes (N,) of the messages, as `Message.size`."""
-        return 8 * (count_novel(self._columns) + self._count_plain_numbers())
-
-    def _count_plain_numbers(self) -> Indices:
         counts = zip(self._columns.counts.tolist(), self._deleted, strict=True)
-        return np.array([count_plain_numbers(tracks, len(deleted)) for tracks, deleted in counts])
-
-    def mix_alike(self, heard: Flags) -> Indices:
-        """Go on by R rounds, in which UAVs hear those of `heard` (R, N, N); returns the bytes (N,) that UAVs send.
-
-        The messages are alike, so one table serves all UAVs and rounds.
-        """
-        numbers = mix_rounds(self._columns, self._after, self._degrees, heard)
-        numbers += len(heard) * self._count_plain_numbers()
-        if len(heard) % 2:
-            self._columns, self._after = self._after, self._columns
-        for of in heard:
-            if len(set(self._partitions)) > 1:
-                known = [[i, *np.flatnonzero(row).tolist()] for i, row in enumerate(of)]
-                self._partitions = list(map(self._join_partitions, known))
-        return 8 * numbers
+        plain = np.array([count_plain_numbers(tracks, len(deleted)) for tracks, deleted in counts])
+        return 8 * (count_novel(self._columns) + plain)
 
     def mix(self, heard: Flags, max_speeds: Sequence[float]) -> None:
         """Go on by a round in which each UAV hears those of its row of `heard` (N, N)."""
-        known = [[i, *np.flatnonzero(row).tolist()] for i, row in enumerate(heard)]
+        known = _list_heard(heard)
         self._deleted = [self._mix_one(of, speed) for of, speed in zip(known, max_speeds, strict=True)]
-        self._partitions = [self._join_partitions(of) for of in known]
+        self._partitions = [_join_partitions(self._partitions, of) for of in known]
         self._columns, self._after = self._after, self._columns
 
     def mix_first(self, max_speed: float) -> None:
         """As `mix` for the first UAV only, which hears all others."""
         known = list(range(len(self._said)))
         self._deleted[0] = self._mix_one(known, max_speed)
-        self._partitions[0] = self._join_partitions(known)
+        self._partitions[0] = _join_partitions(self._partitions, known)
         self._columns, self._after = self._after, self._columns
 
     def _mix_one(self, known: list[int], max_speed: float) -> tuple[EndedTrack, ...]:
         """Mix the tracks of messages `known`, the first of which is the UAV's own; returns the deletions known then."""
         i, first = known[0], self._said[0]
         order = sorted(known, key=lambda k: self._said[k].uav)
-        joint = associate_tracks(
-            self._columns, order, [self._deleted[k] for k in order], (first.scan, first.time), max_speed
-        )
+        told = [self._deleted[k] for k in order]
+        joint = associate_tracks(self._columns, order, told, (first.scan, first.time), max_speed)
         count = len(joint.ids)
         if count >= self._after.ids.shape[1]:
             self._columns, self._after = widen(self._columns, 1 + count), widen(self._after, 1 + count)
@@ -169,27 +168,21 @@ class _Fleet:
         self._after.ids[i, :count], self._after.keys[i, :count] = joint.ids, joint.keys
         return joint.deleted
 
-    def _join_partitions(self, known: list[int]) -> Partition:
-        """The smallest leader that a UAV has or hears of, and the time of the leader's last message."""
-        return min((self._partitions[k] for k in known), key=lambda partition: (partition.leader, -partition.time))
-
     def message(self, i: int) -> Message:
         """Message i in the next round."""
-        columns, said = self._columns, self._said[i]
-        rows = i, slice(columns.counts[i])
-        return replace(
-            said,
-            partition=self._partitions[i],
-            deleted=self._deleted[i],
-            ids=columns.ids[rows],
-            keys=columns.keys[rows],
-            shares=columns.shares[rows],
-            times=columns.times[rows],
-            views=columns.views[rows],
-            misses=columns.misses[rows],
-            sightings=columns.sightings[rows],
-            novel=columns.novel[rows],
-        )
+        columns, rows = self._columns, (i, slice(self._columns.counts[i]))
+        told = {name: getattr(columns, name)[rows] for name in EMPTY}
+        return replace(self._said[i], partition=self._partitions[i], deleted=self._deleted[i], **told)
+
+
+def _list_heard(heard: Flags) -> list[list[int]]:
+    """For each UAV itself, then those that it hears by its row of `heard` (N, N)."""
+    return [[i, *(j for j, hears in enumerate(row) if hears)] for i, row in enumerate(heard.tolist())]
+
+
+def _join_partitions(partitions: Sequence[Partition], known: list[int]) -> Partition:
+    """The smallest leader that a UAV has or hears of, and the time of the leader's last message."""
+    return min([partitions[k] for k in known], key=lambda partition: (partition.leader, -partition.time))
 
 
 def _check(messages: Sequence[Message]) -> None:
@@ -212,4 +205,6 @@ def _check_adjacency(adjacency: Flags, count: int) -> Flags:
         raise ValueError(f"adjacency must be bool ({count}, {count}), is {graph.dtype} {graph.shape}")
     if (graph != graph.T).any():
         raise ValueError("adjacency must be symmetric: UAVs hear one another or do not")
-    return graph & ~np.eye(count, dtype=np.bool_)
+    linked = graph.copy()
+    linked.ravel()[:: count + 1] = False
+    return linked

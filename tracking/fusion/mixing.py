@@ -36,13 +36,39 @@ def stack_messages(messages: Sequence[Message]) -> FleetColumns:
     counts = np.array([len(m.ids) for m in messages])
     columns = make_columns(counts, 1 + int(counts.max(initial=0)), max(m.novel.shape[1] for m in messages))
     for n, (m, count) in enumerate(zip(messages, counts.tolist(), strict=True)):
-        columns.ids[n, :count], columns.keys[n, :count], columns.shares[n, :count] = m.ids, m.keys, m.shares
-        columns.times[n, :count], columns.views[n, :count], columns.misses[n, :count] = m.times, m.views, m.misses
-        columns.sightings[n, :count] = m.sightings
-        columns.novel[n, :count, : m.novel.shape[1]] = m.novel
-        columns.novel[n, :count, m.novel.shape[1] :] = 0.0
-        columns.gained[n, :count] = m.novel.any(axis=1)
+        for name in EMPTY:
+            if name != "novel":
+                getattr(columns, name)[n, :count] = getattr(m, name)
+    _stack_novel(messages, columns.novel)
+    _find_gains(columns)
     return columns
+
+
+def stack_alike(messages: Sequence[Message]) -> FleetColumns:
+    """Columns of messages with the same tracks in the same rows, without a row of empty ones."""
+    count, tracks = len(messages), len(messages[0].ids)
+    novel = np.empty((count, tracks, max([m.novel.shape[1] for m in messages])))
+    _stack_novel(messages, novel)
+    rest = [np.array([getattr(m, name) for m in messages]) for name in EMPTY if name != "novel"]
+    columns = FleetColumns(np.full(count, tracks), *rest, novel, np.empty((count, tracks), dtype=np.bool_))
+    _find_gains(columns)
+    return columns
+
+
+def _stack_novel(messages: Sequence[Message], novel: Array) -> None:
+    for n, m in enumerate(messages):
+        tracks, width = m.novel.shape
+        novel[n, :tracks, :width], novel[n, :tracks, width:] = m.novel, 0.0
+
+
+@compiled
+def _find_gains(columns: FleetColumns) -> None:
+    for n in range(len(columns.counts)):
+        for t in range(columns.counts[n]):
+            gained = False
+            for w in range(columns.novel.shape[2]):
+                gained |= columns.novel[n, t, w] != 0.0
+            columns.gained[n, t] = gained
 
 
 def make_columns(counts: Indices, rows: int, width: int) -> FleetColumns:
@@ -118,32 +144,44 @@ def mix_tracks(before: FleetColumns, after: FleetColumns, heard: Indices, rows: 
 
 
 @compiled
-def mix_rounds(columns: FleetColumns, spare: FleetColumns, degrees: Array, heard: Flags) -> Indices:
-    """Mix N messages with the same tracks in the same rows; returns the numbers (N,) of novel information sent.
+def mix_rounds(
+    columns: FleetColumns, degrees: Array, heard: Flags
+) -> tuple[tuple[Array, Array, Indices, Indices, Array, Array], Indices]:
+    """Mix N messages with the same tracks in the same rows.
 
-    degrees (N,); heard (R, N, N): flags of the UAVs that each UAV hears in each round. The columns alternate: after an
-    odd number of rounds, the result is in the `spare` ones.
+    degrees (N,); heard (R, N, N): flags of the UAVs that each UAV hears in each round.
+    Returns `shares`, `times`, `views`, `misses`, `sightings` and `novel` of the columns after the rounds, and the
+    numbers (N,) of novel information sent.
     """
-    count = len(degrees)
+    count, before = len(degrees), columns
+    after = FleetColumns(
+        before.counts.copy(),
+        before.ids,
+        before.keys,
+        np.empty_like(before.shares),
+        np.empty_like(before.times),
+        np.empty_like(before.views),
+        np.empty_like(before.misses),
+        np.empty_like(before.sightings),
+        np.empty_like(before.novel),
+        np.empty_like(before.gained),
+    )
     numbers, told = np.zeros(count, np.int64), np.empty(count, np.int64)
-    rows = np.empty((count, columns.counts[0]), np.int64)
+    rows = np.empty((count, columns.ids.shape[1]), np.int64)
     for i in range(count):
         for t in range(rows.shape[1]):
             rows[i, t] = t
     for k in range(len(heard)):
-        numbers += count_novel(columns)
+        numbers += count_novel(before)
         for i in range(count):
             told[0], messages = i, 1
             for j in range(count):
                 if heard[k, i, j]:
                     told[messages] = j
                     messages += 1
-            mix_tracks(columns, spare, told[:messages], rows[:messages], degrees)
-            for t in range(rows.shape[1]):
-                spare.ids[i, t] = columns.ids[i, t]
-                spare.keys[i, t, 0], spare.keys[i, t, 1] = columns.keys[i, t, 0], columns.keys[i, t, 1]
-        columns, spare = spare, columns
-    return numbers
+            mix_tracks(before, after, told[:messages], rows[:messages], degrees)
+        before, after = after, before
+    return (before.shares, before.times, before.views, before.misses, before.sightings, before.novel), numbers
 
 
 @compiled
