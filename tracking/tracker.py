@@ -245,16 +245,16 @@ class Tracker:
             self.motion = self.motion.learn(self._table.means[detected, 2:])
 
     def _adopt(self, message: Message) -> tuple[TrackTable, Flags, Flags, int]:
-        """The fleet's tracks with the negative information of all frames and the scan's misses; the rest as `_adopt`."""
+        """The fleet's tracks with the negative information of all frames and the scan's misses; then as `_adopt`."""
         self._messenger.accept(message)
         self._evidence = NO_EVIDENCE
         columns = message.shares, message.times, message.views, message.misses, message.sightings
-        means, covariances, existence, misses, sightings, *rest = _adopt(
+        means, covariances, existence, misses, sightings, unlikely, wide, rivals = _adopt(
             message.beliefs, columns, self._messenger.time, self.parameters.scan
         )
         ids, weights = message.ids.copy(), np.full(len(means), UNSEEN)
         table = TrackTable(ids, means, covariances, existence, weights, message.times, message.views, misses, sightings)
-        return table, *rest
+        return table, unlikely, wide, rivals
 
     def _merge_duplicates(self, table: TrackTable, among: Flags) -> dict[int, int]:
         """Merge tracks that share one person; returns the row of the track that goes on, by that of the other.

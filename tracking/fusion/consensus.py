@@ -138,7 +138,7 @@ class _Fleet:
         """Bytes (N,) of the messages, as `Message.size`."""
         counts = zip(self._columns.counts.tolist(), self._deleted, strict=True)
         plain = np.array([count_plain_numbers(tracks, len(deleted)) for tracks, deleted in counts])
-        return 8 * (count_novel(self._columns) + plain)
+        return np.asarray(8 * (count_novel(self._columns) + plain))
 
     def mix(self, heard: Flags, max_speeds: Sequence[float]) -> None:
         """Go on by a round in which each UAV hears those of its row of `heard` (N, N)."""

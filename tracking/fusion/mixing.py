@@ -9,7 +9,7 @@ import numpy as np
 
 from tracking.fusion.message import EMPTY, Message, count_novel_numbers
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 from tracking.track import SIGHTED_AT
 
 
@@ -49,8 +49,9 @@ def stack_alike(messages: Sequence[Message]) -> FleetColumns:
     count, tracks = len(messages), len(messages[0].ids)
     novel = np.empty((count, tracks, max([m.novel.shape[1] for m in messages])))
     _stack_novel(messages, novel)
-    rest = [np.array([getattr(m, name) for m in messages]) for name in EMPTY if name != "novel"]
-    columns = FleetColumns(np.full(count, tracks), *rest, novel, np.empty((count, tracks), dtype=np.bool_))
+    counts, gained = np.full(count, tracks), np.empty((count, tracks), dtype=np.bool_)
+    rest = {name: np.array([getattr(m, name) for m in messages]) for name in EMPTY if name != "novel"}
+    columns = FleetColumns(counts=counts, novel=novel, gained=gained, **rest)
     _find_gains(columns)
     return columns
 
@@ -120,6 +121,22 @@ def mix_tracks(before: FleetColumns, after: FleetColumns, heard: Indices, rows: 
             after.shares[i, t, w] = before.shares[i, own, w]
         for w in range(before.novel.shape[2]):
             after.novel[i, t, w] = before.novel[i, own, w]
+        for k in range(1, len(heard)):
+            j, r = heard[k], rows[k, t]
+            divisor = 1.0 + max(degrees[i], degrees[j])
+            for w in range(before.shares.shape[2]):
+                after.shares[i, t, w] += (before.shares[j, r, w] - before.shares[i, own, w]) / divisor
+            for w in range(before.novel.shape[2] if gained else 0):
+                after.novel[i, t, w] += (before.novel[j, r, w] - before.novel[i, own, w]) / divisor
+    _take_latest(before, after, heard, rows)
+
+
+@merged
+def _take_latest(before: FleetColumns, after: FleetColumns, heard: Indices, rows: Indices) -> None:
+    """The part of `mix_tracks` that is not averaged."""
+    i = heard[0]
+    for t in range(rows.shape[1]):
+        own = rows[0, t]
         after.misses[i, t] = before.misses[i, own]
         for c in range(2):
             after.views[i, t, c] = before.views[i, own, c]
@@ -129,11 +146,6 @@ def mix_tracks(before: FleetColumns, after: FleetColumns, heard: Indices, rows: 
             after.sightings[i, t, c] = before.sightings[i, own, c]
         for k in range(1, len(heard)):
             j, r = heard[k], rows[k, t]
-            divisor = 1.0 + max(degrees[i], degrees[j])
-            for w in range(before.shares.shape[2]):
-                after.shares[i, t, w] += (before.shares[j, r, w] - before.shares[i, own, w]) / divisor
-            for w in range(before.novel.shape[2] if gained else 0):
-                after.novel[i, t, w] += (before.novel[j, r, w] - before.novel[i, own, w]) / divisor
             after.misses[i, t] &= before.misses[j, r]
             for c in range(2):
                 after.views[i, t, c] |= before.views[j, r, c]

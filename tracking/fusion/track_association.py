@@ -19,7 +19,7 @@ from tracking.fusion.mixing import FleetColumns
 from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.distances import gaussian_costs, length
 from tracking.numerics.exponential import log
 from tracking.numerics.stacks import elementwise
@@ -95,12 +95,12 @@ def associate_tracks(
         np.array([e.until for e in ends], dtype=float),
         np.array([d == ends for d in deleted]) if not alike else np.ones(len(told), dtype=np.bool_),
     )
-    at_once, *joint = _associate_at_once(columns, messages, ended, now)
+    at_once, ids, keys, rows = _associate_at_once(columns, messages, ended, now)
     if not at_once:
         table = _tabulate(columns, messages, ended, now)
         group, over = _group(columns, messages, table, scan, max_speed)
-        joint = _arrange(table, group, over, _choose_ids(table, group, over, number))
-    return JointTracks(*joint, ends)
+        ids, keys, rows = _arrange(table, group, over, _choose_ids(table, group, over, number))
+    return JointTracks(ids, keys, rows, ends)
 
 
 @compiled
@@ -127,27 +127,11 @@ def _associate_at_once(
 @compiled
 def _tabulate(columns: FleetColumns, messages: Indices, ended: _Ended, now: float) -> _Table:
     """Tabulate the tracks of messages, without tracks whose last detection a deletion has made void."""
-    count, most = len(messages), columns.ids.shape[1]
-    codes, rows_of, held = (
-        np.empty((count, most), np.int64),
-        np.empty((count, most), np.int64),
-        np.zeros(count, np.int64),
-    )
-    for s in range(count):
-        held[s] = _list_codes(columns, messages[s], ended, ended.known[s], codes[s], rows_of[s])
-    whole = codes[0, : held[0]].copy()
-    for s in range(1, count):
-        whole = _unite(whole, codes[s, : held[s]])
-    tracks = len(whole)
-    keys, rows = np.empty((tracks, 2), np.int64), np.full((count, tracks), -1)
+    whole, rows = _list_tracks(columns, messages, ended)
+    count, tracks = rows.shape
+    keys = np.empty((tracks, 2), np.int64)
     valid, seen, source = np.zeros((count, tracks), np.bool_), np.full(tracks, -np.inf), np.zeros(tracks, np.int64)
-    named, given = np.empty(held.sum(), np.int64), np.empty(held.sum(), np.int64)
-    for s in range(count):
-        g = 0
-        for k in range(held[s]):
-            while whole[g] != codes[s, k]:
-                g += 1
-            rows[s, g] = rows_of[s, k]
+    named, given = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
     end = 0
     for g in range(tracks):
         keys[g, 0], keys[g, 1] = divmod(whole[g], _IDS)
@@ -164,6 +148,30 @@ def _tabulate(columns: FleetColumns, messages: Indices, ended: _Ended, now: floa
         for s in range(count):
             valid[s, g] = rows[s, g] >= 0 and columns.sightings[messages[s], rows[s, g], SIGHTED_AT] >= before
     return _Table(keys, rows, valid, seen, source, named[:end].copy(), given[:end].copy())
+
+
+@merged
+def _list_tracks(columns: FleetColumns, messages: Indices, ended: _Ended) -> tuple[Indices, Indices]:
+    """The keys (G,) of the tracks of N messages as one number each, ascending, and their rows (N, G); -1 for none."""
+    count, most = len(messages), columns.ids.shape[1]
+    codes, places, held = (
+        np.empty((count, most), np.int64),
+        np.empty((count, most), np.int64),
+        np.zeros(count, np.int64),
+    )
+    for s in range(count):
+        held[s] = _list_codes(columns, messages[s], ended, ended.known[s], codes[s], places[s])
+    whole = codes[0, : held[0]].copy()
+    for s in range(1, count):
+        whole = _unite(whole, codes[s, : held[s]])
+    rows = np.full((count, len(whole)), -1)
+    for s in range(count):
+        g = 0
+        for k in range(held[s]):
+            while whole[g] != codes[s, k]:
+                g += 1
+            rows[s, g] = places[s, k]
+    return whole, rows
 
 
 @compiled

@@ -74,7 +74,10 @@ def _check_pose(pose: Pose) -> None:
     quaternion = _read_floats("pose.quaternion", pose.quaternion)
     if position.shape != (3,) or not all(map(math.isfinite, position.tolist())):
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
-    if quaternion.shape != (4,) or not abs(math.hypot(*quaternion.tolist()) - 1.0) <= _TOLERANCE:
+    if (
+        quaternion.shape != (4,)
+        or not abs(math.sqrt(math.fsum(q * q for q in quaternion.tolist())) - 1.0) <= _TOLERANCE
+    ):
         raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
 
 
