@@ -91,8 +91,8 @@ def associate_tracks(
     alike = deleted.count(deleted[0]) == len(deleted)
     ends = deleted[0] if alike else tuple(EndedTrack(*e) for e in dict(sorted({*chain(*deleted)})).items())
     ended = _Ended(
-        np.array([e.id for e in ends], dtype=np.int64),
-        np.array([e.until for e in ends], dtype=float),
+        np.array([id for id, _ in ends], dtype=np.int64),
+        np.array([until for _, until in ends], dtype=float),
         np.array([d == ends for d in deleted]) if not alike else np.ones(len(told), dtype=np.bool_),
     )
     at_once, ids, keys, rows = _associate_at_once(columns, messages, ended, now)
