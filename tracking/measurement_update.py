@@ -10,9 +10,10 @@ from tracking.association.gating_batches import find_gating_batches
 from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
 from tracking.filter.negative_information import negative_information_update, temper
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.exponential import exp
-from tracking.parameters import AssociationSettings, TrackerParameters
+from tracking.numerics.stacks import row_sums
+from tracking.parameters import AssociationSettings, ScanSettings, TrackerParameters
 from tracking.track import Beliefs
 
 _AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating batches save time
@@ -66,22 +67,28 @@ class ScanUpdate(NamedTuple):
     explained: Flags  # (N,), measurements that tracks make likelier than clutter
 
 
+@compiled
 def predict_scan(
-    beliefs: tuple[Array, Array], existence: Array, seen: Flags, missed: Array, p: TrackerParameters
+    beliefs: tuple[Array, Array], existence: Array, seen: Flags, missed: Array, settings: ScanSettings
 ) -> ScanPrediction:
     """Prediction from beliefs at a scan's time.
 
     beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,): probabilities; seen (T, 36): flags of the samples
     in view; missed (T, 36): likelihoods as from `tracking.filter.negative_information.miss_likelihood`.
     """
-    undetected = Beliefs(*negative_information_update(*beliefs, temper(missed, p.settings.negative_information)))
-    detectable = (1.0 - missed.sum(axis=1) / missed.shape[1]) / p.settings.detection_probability
-    if p.settings.management == "existence":
-        detectable *= 1.0 - _compute_unresolved_probability(beliefs[0], existence)
-    return ScanPrediction(*beliefs, undetected, existence, seen.sum(axis=1) / seen.shape[1], detectable)
+    means, covariances = beliefs
+    moved, spread = negative_information_update(means, covariances, temper(missed, settings.negative_information))
+    sums, count, visible = row_sums(missed), missed.shape[1], np.empty(len(seen))
+    detectable = np.empty(len(seen))
+    for t in range(len(seen)):
+        visible[t] = np.count_nonzero(seen[t]) / count
+        detectable[t] = (1.0 - sums[t] / count) / settings.detection_probability
+    if settings.by_existence:
+        detectable *= 1.0 - _compute_unresolved_probability(means, existence)
+    return ScanPrediction(means, covariances, Beliefs(moved, spread), existence, visible, detectable)
 
 
-@compiled
+@merged
 def _compute_unresolved_probability(means: Array, existence: Array) -> Array:
     """Probability (T,) that another person is so near that both give one measurement; means (T, 4), existence (T,).
 
@@ -145,17 +152,20 @@ def associate(
     return likelihood, *existence_association(likelihood, chances, clutter, before.existence)
 
 
+@compiled
 def _update_beliefs(before: ScanPrediction, found: Measured, settings: AssociationSettings) -> ScanUpdate:
-    # Compiled in parts, because code that calls code is compiled with it once more.
     likelihood, beta, given, existence = associate(before, found, settings)
     predicted = before.means, before.covariances
     means, covariances = mixture_update(predicted, before.undetected, found.places, found.covariances, given)
-    densities = likelihood * found.shares
+    densities = np.empty_like(likelihood)
+    for t in range(densities.shape[0]):
+        for j in range(densities.shape[1]):
+            densities[t, j] = likelihood[t, j] * found.shares[j]
     pairs = _list_gates(before, densities, beta, (means, covariances), settings)
-    return ScanUpdate(means, covariances, existence, beta[:, 0].copy(), *pairs)
+    return ScanUpdate(means, covariances, existence, beta[:, 0].copy(), pairs[0], pairs[1], pairs[2])
 
 
-@compiled
+@merged
 def _list_gates(
     before: ScanPrediction, likelihood: Array, beta: Array, updated: tuple[Array, Array], settings: AssociationSettings
 ) -> tuple[Indices, Array, Flags]:

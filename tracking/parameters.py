@@ -85,6 +85,17 @@ class AssociationSettings(NamedTuple):
     detection_probability: float
 
 
+class ScanSettings(NamedTuple):
+    """Settings of predictions and track management in a scan, for compiled code."""
+
+    detection_probability: float
+    negative_information: float  # exponent
+    by_existence: bool  # tracks are managed by their existence, not by counting scans
+    deletion_threshold: float
+    delete: tuple[int, int]  # misses, and scans among which they are counted
+    max_variance: float  # m²
+
+
 class LossRule(NamedTuple):
     """When a track is lost, and how far its person may have moved since, for compiled code."""
 
@@ -128,6 +139,20 @@ class TrackerParameters:
         """Settings of data association."""
         s = self.settings
         return AssociationSettings(s.gate_probability, s.clutter_density, s.detection_probability)
+
+    @cached_property
+    def scan(self) -> ScanSettings:
+        """Settings of predictions and track management."""
+        s = self.settings
+        by_existence = s.management == "existence"
+        return ScanSettings(
+            s.detection_probability,
+            s.negative_information,
+            by_existence,
+            s.deletion_threshold,
+            s.delete,
+            s.max_variance,
+        )
 
     @cached_property
     def loss(self) -> LossRule:

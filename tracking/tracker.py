@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,19 +13,29 @@ from tracking.association.jpda import gated_likelihood
 from tracking.filter.motion import count_steps, predict_steps
 from tracking.filter.negative_information import miss_likelihood, negative_information_update, temper
 from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
-from tracking.fusion.message import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, Message, is_new_id, new_id
-from tracking.geometry.camera import Camera
+from tracking.fusion.message import (
+    FIRST_NEW_ID,
+    IDS_PER_SCAN,
+    UAVS,
+    Message,
+    find_latest_sightings,
+    is_new_id,
+    new_id,
+    read_existence,
+)
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.lens import Lens
-from tracking.geometry.visibility import SAMPLES, Forest, at_target_height, visible_samples
-from tracking.management.deletion import count_misses, find_duplicates, find_outcompeted
+from tracking.geometry.visibility import SAMPLES, Forest, Occluders, at_target_height, see_samples
+from tracking.management.deletion import count_misses, find_duplicates, find_outcompeted, find_rivals
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.management.input_check import check_scan, check_tracks
 from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks, turned_density
-from tracking.measurement_update import Measured, predict_scan, update_scan
-from tracking.numerics.arrays import Array, Flags
+from tracking.measurement_update import Measured, ScanPrediction, predict_scan, update_scan
+from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import power
 from tracking.numerics.matrices import apply
-from tracking.parameters import EXPECTED, SEEN, TrackerParameters
+from tracking.parameters import EXPECTED, SEEN, ScanSettings, TrackerParameters
 from tracking.registration.registration import make_registration
 from tracking.track import (
     DETECTED_AT,
@@ -46,7 +57,17 @@ _VIEWED = 1e-4  # weight of a belief in view without a detection, which matters 
 _SHARED_WITHIN = 1.0  # s since the last detection of each of two tracks that share one person
 _MOST_NEW = IDS_PER_SCAN // 2  # largest number of new tracks in a scan
 _NEW_FOR = 1.0  # s for which a new track takes the id of an older one of the same person
-_BITS = 1 << np.arange(len(SAMPLES))  # of the samples of a belief, in a number that says which are in view
+_NOWHERE = Pose.level(0.0, 0.0, 0.0)
+
+
+class _Frames(NamedTuple):
+    """The frame of a scan and the one before, for compiled code; of a frame that is not there the lens is any one."""
+
+    lens: Lens
+    before: Lens
+    there: bool
+    was_there: bool
+    framed: float  # s, time of the frame before
 
 
 class Tracker:
@@ -129,12 +150,13 @@ class Tracker:
             scan = self._registration.correct(scan, self._explain)
             z, R = scan.measurements, scan.covariances
         lens = self._camera.lens(scan.pose)
-        views = self._look(scan.time, lens)
+        frames = self._look(scan.time, lens)
         table = self._table
         beliefs = Beliefs(table.means, table.covariances)
-        since = scan.time - table.times[:, FRAME_AT]
-        likelihood = miss_likelihood(*beliefs, views, since, p.settings.detection_probability)
-        before = predict_scan(beliefs, table.existence, views[:, THIS_FRAME], likelihood, p)
+        table.times, table.views, *told = _view_tracks(
+            beliefs, table.existence, table.times, frames, self._forest.occluders, scan.time, p.scan
+        )
+        before = ScanPrediction(*beliefs, Beliefs(*told[:2]), table.existence, *told[2:])
         turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
         shares = self._forest.detectabilities_through_leaves(lens, at_target_height(z))
         after = update_scan(before, Measured(z, R, shares, turned), p)
@@ -142,24 +164,20 @@ class Tracker:
         self._evidence = ScanEvidence(beliefs, z, after.gates)
         if self._registration:
             self._registration.note(table.ids, beliefs, scan, after.gates, after.weights)
-        detected = 1.0 - after.missed
-        hits = detected >= SEEN
-        if p.settings.management == "m_of_n":
-            hits &= ~find_outcompeted(after.gates, detected)
-        now, visible = scan.time, before.visible
-        table.times[hits, DETECTED_AT] = now
-        table.times[visible >= EXPECTED, EXPECTED_AT] = now
-        table.times[detected >= SURE, SURE_AT] = now
-        table.views[after.gates[:, 0], THIS_FRAME] = 0  # the association has already used this frame
-        table.weights = np.maximum(detected, UNSEEN + _VIEWED * visible)
+        columns = table.times, table.views
+        table.weights = _note_detections(
+            after.missed, after.gates, before.visible, columns, scan.time, p.scan.by_existence
+        )
         table.means, table.covariances, table.existence = after[:3]
-        self._initiate(lens, z[~after.explained], R[~after.explained])
+        if self._tentative or not after.explained.all():
+            self._initiate(lens, z[~after.explained], R[~after.explained])
+        self._waited = 0.0
 
     def _initiate(self, lens: Lens, z: Array, R: Array) -> None:
         """Begin tracks of new people, from the measurements z (N, 2) m, R (N, 2, 2) m² that tracks do not explain."""
-        time, elapsed, self._waited = self._messenger.time, self._waited, 0.0
+        time, elapsed, p = self._messenger.time, self._waited, self.parameters
         new, self._tentative = initiate_tracks(
-            self._tentative, z, R, time=time, elapsed=elapsed, forest=self._forest, lens=lens, p=self.parameters
+            self._tentative, z, R, time=time, elapsed=elapsed, forest=self._forest, lens=lens, p=p
         )
         # Tracks for which there are no ids begin in the next scan.
         new, self._tentative = new[:_MOST_NEW], new[_MOST_NEW:] + self._tentative
@@ -172,7 +190,11 @@ class Tracker:
     def coast(self, time: float) -> None:
         """Predict to the time of a scan in which this UAV took no frame, which counts as neither hit nor miss."""
         self._predict(time)
-        self._look(time, None)
+        frames, table = self._look(time, None), self._table
+        beliefs = Beliefs(table.means, table.covariances)
+        table.times, table.views, *_ = _view_tracks(
+            beliefs, table.existence, table.times, frames, self._forest.occluders, time, self.parameters.scan
+        )
 
     def _explain(self, z: Array, R: Array) -> Array:
         """Densities (N,) 1/m² of measurements z (N, 2) m, R (N, 2, 2) m² by the tracks, new people and clutter."""
@@ -197,17 +219,14 @@ class Tracker:
         table.means, table.covariances = predict_steps(self.motion, table.means, table.covariances, elapsed)
         table.existence = table.existence * power(self.parameters.step_survival, elapsed)
 
-    def _look(self, time: float, frame: Lens | None) -> Flags:
-        """Note what the scan's frame shows; returns `visible_samples` of it, if there is one, and of the one before."""
-        table = self._table
-        views = visible_samples(self._forest, table.means, table.covariances, frame, self._last_frame)
-        table.views = views @ _BITS
-        table.times = table.times.copy()  # a message may hold the former ones
-        table.times[:, FRAME_AT] = np.where(table.views[:, FRAME_BEFORE] > 0, self._last_framed, -math.inf)
+    def _look(self, time: float, frame: Lens | None) -> _Frames:
+        """The frame of a scan at `time` s, if there is one, and the one before."""
+        before = self._last_frame or frame or self._camera.lens(_NOWHERE)
+        frames = _Frames(frame or before, before, frame is not None, self._last_frame is not None, self._last_framed)
         if frame:
             self._last_frame = frame
             self._last_framed = time
-        return views
+        return frames
 
     def message(self, degree: int) -> Message:
         """Message for the first round, to `degree` neighbours."""
@@ -217,40 +236,25 @@ class Tracker:
         """Take over the fleet's tracks; then merge, delete and re-acquire tracks, as all UAVs do alike."""
         if self._registration:
             self._registration.learn(message.ids, message.beliefs.covariances, 1 + message.degree)
-        table = self._adopt(message)
-        unlikely = self._find_unlikely(table)
-        wide = _find_variances(table) > self.parameters.settings.max_variance
-        merged = self._merge_duplicates(table, ~(unlikely | wide))
+        table, unlikely, wide, rivals = self._adopt(message)
+        merged = self._merge_duplicates(table, ~(unlikely | wide)) if rivals > 1 else {}
         self._table = self._reacquire(self._delete(table, unlikely, wide, merged))
         self._tracks = None
         detected = self._table.sightings[:, SIGHTED_AT] >= self._messenger.time
         if detected.any() and hasattr(self.motion, "learn"):
             self.motion = self.motion.learn(self._table.means[detected, 2:])
 
-    def _adopt(self, message: Message) -> TrackTable:
-        """The fleet's tracks, with the negative information of all frames and the scan's misses."""
+    def _adopt(self, message: Message) -> tuple[TrackTable, Flags, Flags, int]:
+        """The fleet's tracks with the negative information of all frames and the scan's misses; then as `_adopt`."""
         self._messenger.accept(message)
         self._evidence = NO_EVIDENCE
-        settings = self.parameters.settings
-        means, covariances = self._apply_negative_information(message)
-        return TrackTable(
-            ids=message.ids.copy(),
-            means=means,
-            covariances=covariances,
-            existence=message.existence() if settings.management == "existence" else np.ones(len(means)),
-            weights=np.full(len(means), UNSEEN),
-            times=message.times,
-            views=message.views,
-            misses=count_misses(message.misses, message.times, self._messenger.time, settings.delete[1]),
-            sightings=message.latest_sightings(),
+        columns = message.shares, message.times, message.views, message.misses, message.sightings
+        means, covariances, existence, misses, sightings, unlikely, wide, rivals = _adopt(
+            message.beliefs, columns, self._messenger.time, self.parameters.scan
         )
-
-    def _find_unlikely(self, table: TrackTable) -> Flags:
-        """Flags (T,) of tracks that probably are of nobody: by their existence or, with m of n, by their misses."""
-        settings = self.parameters.settings
-        if settings.management == "existence":
-            return np.asarray(table.existence < settings.deletion_threshold)
-        return np.asarray(np.bitwise_count(table.misses) >= settings.delete[0])
+        ids, weights = message.ids.copy(), np.full(len(means), UNSEEN)
+        table = TrackTable(ids, means, covariances, existence, weights, message.times, message.views, misses, sightings)
+        return table, unlikely, wide, rivals
 
     def _merge_duplicates(self, table: TrackTable, among: Flags) -> dict[int, int]:
         """Merge tracks that share one person; returns the row of the track that goes on, by that of the other.
@@ -273,9 +277,9 @@ class Tracker:
     def _delete(self, table: TrackTable, unlikely: Flags, wide: Flags, merged: Mapping[int, int]) -> TrackTable:
         """The table without its unlikely, wide and merged tracks, which the account and the next message name."""
         gone = unlikely | wide
-        gone[list(merged)] = True
-        if not gone.any():
+        if not merged and not gone.any():
             return table
+        gone[list(merged)] = True
         self._messenger.delete(table.ids[gone].tolist())
         variances = _find_variances(table)
         for t in np.flatnonzero(gone).tolist():
@@ -287,27 +291,15 @@ class Tracker:
         order = np.argsort(table.ids, kind="stable")
         return table[order[~gone[order]]]
 
-    def _apply_negative_information(self, message: Message) -> tuple[Array, Array]:
-        """Means (T, 4) and covariances (T, 4, 4) of the fleet's tracks, with the negative information of all frames."""
-        now, settings = self._messenger.time, self.parameters.settings
-        detected = message.times[:, DETECTED_AT] >= now
-        if detected.all():
-            return message.beliefs
-        views = message.views[..., None] & _BITS > 0
-        views[detected] = False
-        since = now - message.times[:, FRAME_AT]
-        missed = miss_likelihood(*message.beliefs, views, since, settings.detection_probability)
-        return negative_information_update(*message.beliefs, temper(missed, settings.negative_information))
-
     def _reacquire(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.
 
         All UAVs do this after they agree on tracks and sightings, so that they decide alike.
         """
         p = self.parameters
-        new = np.flatnonzero(is_new_id(table.ids, self._messenger.scans))
-        if len(new) == 0:
+        if not len(table.ids) or table.ids[-1] < new_id(self._messenger.scans, 0, 0):
             return table
+        new = np.flatnonzero(is_new_id(table.ids, self._messenger.scans))
         lost = find_lost_tracks(table.sightings, self._messenger.time, p)
         of_new, of_lost = ((table.means[rows], table.covariances[rows]) for rows in (new, lost))
         pairs = match_lost_tracks(
@@ -323,3 +315,104 @@ class Tracker:
 def _find_variances(table: TrackTable) -> Array:
     """Traces (T,) m² of the covariances of positions."""
     return np.asarray(table.covariances[:, 0, 0] + table.covariances[:, 1, 1])
+
+
+@compiled
+def _view_tracks(
+    beliefs: Beliefs,
+    existence: Array,
+    times: Array,
+    frames: _Frames,
+    occluders: Occluders,
+    now: float,
+    settings: ScanSettings,
+) -> tuple[Array, Indices, Array, Array, Array, Array]:
+    """What the frames of a scan at `now` s show of T tracks: the columns `times` and `views`.
+
+    existence (T,): probabilities; times (T, 4), as in the table. Returns also the means and covariances of `undetected`
+    beliefs, `visible` and `detectable` of a `ScanPrediction`.
+    """
+    means, covariances = beliefs
+    views, bits = np.zeros((len(means), 2, len(SAMPLES)), np.bool_), np.zeros((len(means), 2), np.int64)
+    seen = before = np.zeros((len(means), len(SAMPLES)), np.bool_)
+    if frames.there:
+        seen = see_samples(means, covariances, frames.lens, occluders)
+    if frames.was_there:
+        before = see_samples(means, covariances, frames.before, occluders)
+    times, since = times.copy(), np.empty(len(means))  # a message may hold the former ones
+    for t in range(len(means)):
+        for k in range(len(SAMPLES)):
+            views[t, THIS_FRAME, k], views[t, FRAME_BEFORE, k] = seen[t, k], before[t, k]
+            bits[t, THIS_FRAME] |= np.int64(seen[t, k]) << k
+            bits[t, FRAME_BEFORE] |= np.int64(before[t, k]) << k
+        times[t, FRAME_AT] = frames.framed if bits[t, FRAME_BEFORE] > 0 else -np.inf
+        since[t] = now - times[t, FRAME_AT]
+    missed = miss_likelihood(means, covariances, views, since, settings.detection_probability)
+    told = predict_scan(beliefs, existence, seen, missed, settings)
+    moved, spread = told.undetected
+    return times, bits, moved, spread, told.visible, told.detectable
+
+
+@compiled
+def _note_detections(
+    missed: Array, gates: Indices, visible: Array, columns: tuple[Array, Indices], now: float, by_existence: bool
+) -> Array:
+    """Note in the columns `times` and `views` what a scan detected of T tracks; returns their weights (T,).
+
+    missed (T,) and gates (G, 2) as in a `ScanUpdate`; visible (T,) as in a `ScanPrediction`.
+    """
+    detected, weights, (times, views) = 1.0 - missed, np.empty(len(missed)), columns
+    without = np.zeros(len(missed), np.bool_) if by_existence else find_outcompeted(gates, detected)
+    for t in range(len(missed)):
+        if detected[t] >= SEEN and not without[t]:
+            times[t, DETECTED_AT] = now
+        if visible[t] >= EXPECTED:
+            times[t, EXPECTED_AT] = now
+        if detected[t] >= SURE:
+            times[t, SURE_AT] = now
+        weights[t] = max(detected[t], UNSEEN + _VIEWED * visible[t])
+    for g in range(len(gates)):
+        views[gates[g, 0], THIS_FRAME] = 0  # the association has already used this frame
+    return weights
+
+
+@compiled
+def _adopt(
+    beliefs: Beliefs, columns: tuple[Array, Array, Indices, Indices, Array], now: float, settings: ScanSettings
+) -> tuple[Array, Array, Array, Indices, Array, Flags, Flags, int]:
+    """Means, covariances, existence, misses and sightings of the fleet's tracks after a scan at `now` s.
+
+    The beliefs have the negative information of all frames. Returns also flags (T,) of tracks that probably are of
+    nobody, by their existence or, with m of n, by their misses; flags (T,) of too wide ones; and how many of the others
+    may share a person with another one.
+    columns: `shares`, `times`, `views`, `misses` and `sightings` of a message.
+    """
+    means, covariances = beliefs
+    shares, times, views, misses, sightings = columns
+    latest = find_latest_sightings(sightings, times, means, now)
+    shown, since = np.zeros((len(means), 2, len(SAMPLES)), np.bool_), np.empty(len(means))
+    undetected = False
+    for t in range(len(means)):
+        since[t] = now - times[t, FRAME_AT]
+        if not times[t, DETECTED_AT] >= now:
+            undetected = True
+            for k in range(len(SAMPLES)):
+                shown[t, THIS_FRAME, k] = views[t, THIS_FRAME] >> k & 1 != 0
+                shown[t, FRAME_BEFORE, k] = views[t, FRAME_BEFORE] >> k & 1 != 0
+    if undetected:
+        missed = miss_likelihood(means, covariances, shown, since, settings.detection_probability)
+        tempered = temper(missed, settings.negative_information)
+        means, covariances = negative_information_update(means, covariances, tempered)
+    counted = count_misses(misses, times, now, settings.delete[1])
+    existence = read_existence(shares) if settings.by_existence else np.ones(len(means))
+    unlikely, wide = np.empty(len(means), np.bool_), np.empty(len(means), np.bool_)
+    recent = np.empty(len(means), np.bool_)
+    for t in range(len(means)):
+        misses_counted = 0
+        for k in range(settings.delete[1]):
+            misses_counted += counted[t] >> k & 1
+        missing = misses_counted >= settings.delete[0]
+        unlikely[t] = existence[t] < settings.deletion_threshold if settings.by_existence else missing
+        wide[t] = covariances[t, 0, 0] + covariances[t, 1, 1] > settings.max_variance
+        recent[t] = times[t, DETECTED_AT] > now - _SHARED_WITHIN and not (unlikely[t] or wide[t])
+    return means, covariances, existence, counted, latest, unlikely, wide, len(find_rivals(existence, recent))

@@ -64,7 +64,7 @@ class TrackerFleet:
                     own.append(Sent(report[0], i, report[1]))
                 sent[i] += self.relay.send(i, time, own, links, working)
         elif working:
-            between = links.among(working)
+            between = links if len(working) == len(self._trackers) else links.among(working)
             sent[working] += step(
                 [self._trackers[i] for i in working],
                 [scans[i] for i in working if i in scans],

@@ -158,7 +158,7 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
         beliefs = np.array([a.mean for a in people]), np.array([a.covariance for a in people])
         seen = np.full((len(people), 36), bool(visible))
         empty = 1 - p.settings.detection_probability * seen
-        before = predict_scan(beliefs, np.array([a.r for a in people]), seen, empty, p)
+        before = predict_scan(beliefs, np.array([a.r for a in people]), seen, empty, p.scan)
         lost = 10 ** rng.uniform(-6, 0, len(scan.measurements))
         shares = rng.uniform(0.0, 1.0, len(scan.measurements)) if rng.random() < 0.5 else np.ones(len(lost))
         found = Measured(scan.measurements, scan.covariances, shares, lost)
@@ -234,7 +234,7 @@ def test_a_track_half_under_leaves_is_as_probable_as_its_person_wherever_it_is_m
     beliefs = np.zeros((1, 4)), np.diag([1.0, 1.0, 0.1, 0.1])[None]
     seen = visible_samples(forest, *beliefs, lens)[:, 0]
     empty = 1.0 - p.settings.detection_probability * seen
-    before = predict_scan(beliefs, np.array([0.5]), seen, empty, p)
+    before = predict_scan(beliefs, np.array([0.5]), seen, empty, p.scan)
     places = rng.normal(size=(draws, 2))
     shown = forest.detectabilities(lens, at_target_height(places)) * p.settings.detection_probability
     exists, errors = rng.random(draws) < 0.5, {"leaves": [], "open": [], "none": []}

@@ -9,31 +9,22 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.exponential import exp, log
 from tracking.numerics.matrices import symmetrise
-from tracking.numerics.stacks import elementwise
 
 _SUREST = 1e-9  # least probability of existing, and of not existing, so that later scans can outweigh any history
 _LEAST = 1e-100  # least probability of existing in an association; from zero nothing would follow
 
 
-@elementwise
 @compiled
-def log_odds(existence: Array) -> Array:
-    """Logarithm of r / (1 - r) of each probability of existence r, kept finite."""
-    out = np.empty(len(existence))
-    for k in range(len(existence)):
-        r = min(max(existence[k], _SUREST), 1.0 - _SUREST)
-        out[k] = log(r) - log(1.0 - r)
-    return out
+def log_odds(existence: float) -> float:
+    """Logarithm of r / (1 - r) of a probability of existence r, kept finite."""
+    r = min(max(existence, _SUREST), 1.0 - _SUREST)
+    return log(r) - log(1.0 - r)
 
 
-@elementwise
 @compiled
-def from_log_odds(odds: Array) -> Array:
-    """Probability of existence r of each logarithm of r / (1 - r)."""
-    out = np.empty(len(odds))
-    for k in range(len(odds)):
-        out[k] = 1.0 / (1.0 + exp(-odds[k]))
-    return out
+def from_log_odds(odds: float) -> float:
+    """Probability of existence r from the logarithm of r / (1 - r)."""
+    return 1.0 / (1.0 + exp(-odds))
 
 
 @merged

@@ -26,15 +26,15 @@ def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
     for start in range(len(pairs)):
         if done[start]:
             continue
+        if not np.any(pairs[start] > 0.0):  # as of most tracks of a large scene
+            beta[start, 0] = 1.0
+            continue
         rows, columns = _find_cluster(pairs, start)
         weights, rest = np.empty((len(rows), len(columns))), np.empty(len(rows))
         for i in range(len(rows)):
             done[rows[i]], rest[i] = True, misses[rows[i]]
             for j in range(len(columns)):
                 weights[i, j] = pairs[rows[i], columns[j]]
-        if len(columns) == 0:
-            beta[start, 0] = 1.0
-            continue
         if min(weights.shape) > exact_side:
             matched, free = _propagate(weights, rest)
         elif len(columns) <= len(rows):

@@ -1,7 +1,7 @@
 """Motion model in which speeds return to a walking speed, which is learned from the people in view."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import NamedTuple
 
@@ -73,7 +73,9 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
         dt = self.dt / self.scans
         learned_in = self.learned_in + dt * len(velocities)
         way = self.learned_in * self.walking_speed + dt * float(length(velocities).sum())
-        return replace(self, walking_speed=way / learned_in, learned_in=learned_in)
+        return MeanRevertingVelocity(
+            self.dt, self.sigma_a, scans=self.scans, walking_speed=way / learned_in, learned_in=learned_in
+        )
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""

@@ -7,7 +7,7 @@ import numpy as np
 from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import exp, power_each
+from tracking.numerics.exponential import exp, power
 
 # Decrease of the log-likelihood of a second missed detection per width of the belief crossed meanwhile, and the share
 # of the mean velocity that counts as crossing: a motion of the whole belief crosses only one of its edges. With these
@@ -44,9 +44,16 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
     return missed
 
 
+@compiled
 def temper(missed: Array, exponent: float) -> Array:
-    """Likelihoods to the power of the setting `negative_information`; a power below 1 weakens them."""
-    return missed if exponent == 1.0 else power_each(missed, exponent)
+    """Likelihoods (T, K) to the power of the setting `negative_information`; a power below 1 weakens them."""
+    if exponent == 1.0:
+        return missed
+    tempered = np.empty_like(missed)
+    for t in range(missed.shape[0]):
+        for k in range(missed.shape[1]):
+            tempered[t, k] = power(missed[t, k], exponent)
+    return tempered
 
 
 @compiled

@@ -1,25 +1,16 @@
 """Consensus by messages between neighbours: weighted averages of beliefs, and sums of novel information."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from tracking.fusion.member import Member
-from tracking.fusion.message import Message, Partition, are_alike, count_novel_numbers
+from tracking.fusion.message import EMPTY, EndedTrack, Message, Partition, are_alike, count_plain_numbers
+from tracking.fusion.mixing import count_novel, make_columns, mix_rounds, mix_tracks, stack_alike, stack_messages, widen
 from tracking.fusion.track_association import associate_tracks
-from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled
-from tracking.track import SIGHTED_AT, Scan
-
-
-class _LatestColumns(NamedTuple):
-    """Columns of N messages that are not averaged."""
-
-    times: Array  # (N, T, 4)
-    views: Indices  # (N, T, 2)
-    misses: Indices  # (N, T)
-    sightings: Array  # (N, T, 3)
+from tracking.numerics.arrays import Flags, Indices
+from tracking.track import Scan
 
 
 def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags | None = None) -> Indices:
@@ -41,18 +32,17 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
     messages = [m.message(row.count(True)) for m, row in zip(members, linked.tolist(), strict=True)]
     _check(messages)
     sent = np.zeros(len(members), dtype=np.int64)
-    heard = np.repeat(linked[None], rounds, axis=0) if lost is None else np.ascontiguousarray(linked & ~lost)
-    sends, k = linked.any(axis=1), 0
-    while k < rounds and not are_alike(messages):
-        sent += sends * np.array([message.size for message in messages])
-        messages = [
-            combine(own, [messages[j] for j in np.flatnonzero(row).tolist()], member.max_speed)
-            for own, member, row in zip(messages, members, heard[k], strict=True)
-        ]
-        k += 1
-    if k < rounds and sends.any():  # one table serves all UAVs and rounds
-        messages, sizes = _mix(messages, heard[k:])
-        sent += sends * sizes
+    if rounds and linked.any():
+        heard = np.repeat(linked[None], rounds, axis=0) if lost is None else np.ascontiguousarray(linked & ~lost)
+        if are_alike(messages):  # and stay so
+            messages, sizes = _mix_alike(messages, heard)
+        else:
+            fleet, sizes = _Fleet(messages), np.zeros_like(sent)
+            for of in heard:
+                sizes += fleet.sizes()
+                fleet.mix(of, [member.max_speed for member in members])
+            messages = [fleet.message(i) for i in range(len(members))]
+        sent += linked.any(axis=1) * sizes
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
     return sent
@@ -94,8 +84,8 @@ def step(
             tracker.step(given[tracker.uav])
         else:
             tracker.coast(times[0])
-    complete = ~np.eye(len(fleet), dtype=np.bool_)
-    return fuse(fleet, complete if adjacency is None else adjacency, rounds, lost)
+    graph = ~np.eye(len(fleet), dtype=np.bool_) if adjacency is None else adjacency
+    return fuse(fleet, graph, rounds, lost)
 
 
 def pool(members: Sequence[Member]) -> Message:
@@ -109,116 +99,90 @@ def combine(own: Message, received: Sequence[Message], max_speed: float) -> Mess
     """Message of a UAV in the next round, from its own message and those received in this round."""
     if not received:
         return own
-    messages = [own, *received]
-    joint = associate_tracks(messages, max_speed)
-    novel = np.zeros((len(joint.ids), max(m.novel.shape[1] for m in messages)))
-    partition = _join_partitions([m.partition for m in messages])
-    rest = {"ids": joint.ids, "keys": joint.keys, "deleted": joint.deleted, "partition": partition, "novel": novel}
-    mixed = own.select(joint.rows[0], **rest)
-    there = joint.rows[0] >= 0
-    novel[there, : own.novel.shape[1]] = own.novel[joint.rows[0][there]]
-    shares, before, kept = mixed.shares.copy(), novel.copy(), _read_latest(mixed)
-    for m, rows in zip(received, joint.rows[1:], strict=True):
-        divisor = 1.0 + max(own.degree, m.degree)
-        _add_shares(mixed.shares, shares, m.shares, rows, divisor)
-        _add_shares(novel, before, m.novel, rows, divisor)
-        _take_latest(kept, _read_latest(m), rows)
-    return mixed
+    fleet = _Fleet([own, *received])
+    fleet.mix_first(max_speed)
+    return fleet.message(0)
 
 
-def _mix(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indices]:
+def _mix_alike(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indices]:
     """Messages after R rounds, from N messages with the same tracks in the same rows, and bytes sent by each UAV (N,).
 
-    heard (R, N, N): flags of the UAVs that each UAV heard in each round.
+    heard (R, N, N): flags of the UAVs that each UAV heard in each round. One table serves all UAVs and rounds.
     """
-    # Columns of shares stand for UAVs; a message lacks the columns of the last UAVs if it holds none of their shares.
-    novel = np.zeros((len(messages), len(messages[0].ids), max(m.novel.shape[1] for m in messages)))
-    for row, m in zip(novel, messages, strict=True):
-        row[:, : m.novel.shape[1]] = m.novel
     degrees = np.array([m.degree for m in messages], dtype=float)
-    shares = np.array([m.shares for m in messages])
-    kept = _LatestColumns(*map(np.array, zip(*map(_read_latest, messages), strict=True)))
-    novel, shares, kept, numbers = _run_rounds(novel, shares, kept, degrees, heard)
+    columns, numbers = mix_rounds(stack_alike(messages), degrees, heard)
     partitions = [m.partition for m in messages]
     for of in heard:
         if len(set(partitions)) > 1:
-            known = [
-                [partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())] for i, row in enumerate(of)
-            ]
-            partitions = list(map(_join_partitions, known))
+            partitions = [_join_partitions(partitions, known) for known in _list_heard(of)]
     mixed = [
         Message(m.uav, m.degree, m.scan, m.time, partition, m.ids, m.keys, q, t, v, n, s, m.deleted, added)
-        for m, partition, q, added, t, v, n, s in zip(messages, partitions, shares, novel, *kept, strict=True)
+        for m, partition, q, t, v, n, s, added in zip(messages, partitions, *columns, strict=True)
     ]
     return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))
 
 
-def _read_latest(m: Message) -> _LatestColumns:
-    return _LatestColumns(m.times, m.views, m.misses, m.sightings)
+class _Fleet:
+    """Messages of N UAVs in rounds of consensus, whose tracks have to be associated."""
+
+    def __init__(self, messages: Sequence[Message]) -> None:
+        self._said = messages  # before the first round
+        self._degrees = np.array([m.degree for m in messages], dtype=float)
+        self._partitions = [m.partition for m in messages]
+        self._deleted = [m.deleted for m in messages]
+        self._columns = columns = stack_messages(messages)
+        # Rounds fill one set of columns from the other.
+        self._after = make_columns(columns.counts.copy(), columns.ids.shape[1], columns.novel.shape[2])
+
+    def sizes(self) -> Indices:
+        """Bytes (N,) of the messages, as `Message.size`."""
+        counts = zip(self._columns.counts.tolist(), self._deleted, strict=True)
+        plain = np.array([count_plain_numbers(tracks, len(deleted)) for tracks, deleted in counts])
+        return np.asarray(8 * (count_novel(self._columns) + plain))
+
+    def mix(self, heard: Flags, max_speeds: Sequence[float]) -> None:
+        """Go on by a round in which each UAV hears those of its row of `heard` (N, N)."""
+        known = _list_heard(heard)
+        self._deleted = [self._mix_one(of, speed) for of, speed in zip(known, max_speeds, strict=True)]
+        self._partitions = [_join_partitions(self._partitions, of) for of in known]
+        self._columns, self._after = self._after, self._columns
+
+    def mix_first(self, max_speed: float) -> None:
+        """As `mix` for the first UAV only, which hears all others."""
+        known = list(range(len(self._said)))
+        self._deleted[0] = self._mix_one(known, max_speed)
+        self._partitions[0] = _join_partitions(self._partitions, known)
+        self._columns, self._after = self._after, self._columns
+
+    def _mix_one(self, known: list[int], max_speed: float) -> tuple[EndedTrack, ...]:
+        """Mix the tracks of messages `known`, the first of which is the UAV's own; returns the deletions known then."""
+        i, first = known[0], self._said[0]
+        order = sorted(known, key=lambda k: self._said[k].uav)
+        told = [self._deleted[k] for k in order]
+        joint = associate_tracks(self._columns, order, told, (first.scan, first.time), max_speed)
+        count = len(joint.ids)
+        if count >= self._after.ids.shape[1]:
+            self._columns, self._after = widen(self._columns, 1 + count), widen(self._after, 1 + count)
+        rows = joint.rows if order == known else joint.rows[[order.index(k) for k in known]]
+        mix_tracks(self._columns, self._after, np.array(known), rows, self._degrees)
+        self._after.ids[i, :count], self._after.keys[i, :count] = joint.ids, joint.keys
+        return joint.deleted
+
+    def message(self, i: int) -> Message:
+        """Message i in the next round."""
+        columns, rows = self._columns, (i, slice(self._columns.counts[i]))
+        told = {name: getattr(columns, name)[rows] for name in EMPTY}
+        return replace(self._said[i], partition=self._partitions[i], deleted=self._deleted[i], **told)
 
 
-def _join_partitions(partitions: Sequence[Partition]) -> Partition:
+def _list_heard(heard: Flags) -> list[list[int]]:
+    """For each UAV itself, then those that it hears by its row of `heard` (N, N)."""
+    return [[i, *(j for j, hears in enumerate(row) if hears)] for i, row in enumerate(heard.tolist())]
+
+
+def _join_partitions(partitions: Sequence[Partition], known: list[int]) -> Partition:
     """The smallest leader that a UAV has or hears of, and the time of the leader's last message."""
-    return min(partitions, key=lambda partition: (partition.leader, -partition.time))
-
-
-@compiled
-def _run_rounds(
-    novel: Array, shares: Array, kept: _LatestColumns, degrees: Array, heard: Flags
-) -> tuple[Array, Array, _LatestColumns, Indices]:
-    """Columns of N messages after rounds `heard` (R, N, N), and count (N,) of the numbers of novel information sent."""
-    (count, tracks, width), columns = novel.shape, shares.shape[2]
-    rows, single, numbers = np.arange(tracks), np.zeros(1, np.int64), np.zeros(count, np.int64)
-    # All tracks of a message as one row, because the innermost loop is fast.
-    novel = novel.reshape(count, 1, tracks * width)
-    shares = shares.reshape(count, 1, tracks * columns)
-    for k in range(len(heard)):
-        sums, added = shares.copy(), novel.copy()
-        times, views, misses, sightings = kept
-        latest = _LatestColumns(times.copy(), views.copy(), misses.copy(), sightings.copy())
-        for i in range(count):
-            numbers[i] += count_novel_numbers(novel[i].reshape(tracks, width))
-            for j in range(count):
-                if heard[k, i, j]:
-                    divisor = 1.0 + max(degrees[i], degrees[j])
-                    _add_shares(sums[i], shares[i], shares[j], single, divisor)
-                    _add_shares(added[i], novel[i], novel[j], single, divisor)
-                    ours = _LatestColumns(latest.times[i], latest.views[i], latest.misses[i], latest.sightings[i])
-                    _take_latest(ours, _LatestColumns(times[j], views[j], misses[j], sightings[j]), rows)
-        novel, shares, kept = added, sums, latest
-    return novel.reshape(count, tracks, width), shares.reshape(count, tracks, columns), kept, numbers
-
-
-@compiled
-def _add_shares(sums: Array, here: Array, there: Array, rows: Indices, divisor: float) -> None:
-    """Add to sums (T, W) what a message hands over: its share of the difference to the table `here` (T, W).
-
-    rows (T,): the message's row in its table `there` for each track; -1 for none, which counts as zeros.
-    """
-    for t in range(len(rows)):
-        known, total, own = 0, sums[t], here[t]
-        if rows[t] >= 0:
-            known, other = there.shape[1], there[rows[t]]
-            for w in range(known):
-                total[w] += (other[w] - own[w]) / divisor
-        for w in range(known, len(own)):
-            total[w] += (0.0 - own[w]) / divisor
-
-
-@compiled
-def _take_latest(latest: _LatestColumns, heard: _LatestColumns, rows: Indices) -> None:
-    """Take over from a message the latest times and sightings, all views, and the common misses; rows as above."""
-    for t in range(len(rows)):
-        r = rows[t]
-        if r < 0:
-            continue
-        for c in range(4):
-            latest.times[t, c] = max(latest.times[t, c], heard.times[r, c])
-        latest.views[t, 0] |= heard.views[r, 0]
-        latest.views[t, 1] |= heard.views[r, 1]
-        latest.misses[t] &= heard.misses[r]
-        for c in range(3 if heard.sightings[r, SIGHTED_AT] > latest.sightings[t, SIGHTED_AT] else 0):
-            latest.sightings[t, c] = heard.sightings[r, c]
+    return min([partitions[k] for k in known], key=lambda partition: (partition.leader, -partition.time))
 
 
 def _check(messages: Sequence[Message]) -> None:
@@ -241,4 +205,6 @@ def _check_adjacency(adjacency: Flags, count: int) -> Flags:
         raise ValueError(f"adjacency must be bool ({count}, {count}), is {graph.dtype} {graph.shape}")
     if (graph != graph.T).any():
         raise ValueError("adjacency must be symmetric: UAVs hear one another or do not")
-    return graph & ~np.eye(count, dtype=np.bool_)
+    linked = graph.copy()
+    linked.ravel()[:: count + 1] = False
+    return linked

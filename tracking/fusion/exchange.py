@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.association.jpda import log_odds
-from tracking.fusion.message import IDS_PER_SCAN, EndedTrack, Message, Partition, new_id
+from tracking.fusion.message import IDS_PER_SCAN, LOG_ODDS, WEIGHT, EndedTrack, Message, Partition, new_id
 from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
 from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
 from tracking.parameters import SEEN, TrackerParameters
 from tracking.track import SIGHTED_AT, Beliefs, Track, TrackTable, beliefs_of, make_table, make_tracks
 
@@ -67,9 +68,7 @@ class Messenger:
         # A UAV leads if its number is the smallest, or if it has not heard of another leader lately.
         leads = self._partition.leader >= self.uav or self.time - self._partition.time > _IN_TOUCH
         partition = Partition(self.uav, self.time) if leads else self._partition
-        keys, w = np.empty((len(table.ids), 2), dtype=np.int64), weights[:, None]
-        keys[:, 0], keys[:, 1] = partition.leader, table.ids
-        shares = np.concatenate([w, w * averaged, w * log_odds(table.existence)[:, None]], axis=1)
+        keys, shares = _weigh(partition.leader, table.ids, weights, averaged, table.existence)
         deleted = tuple(EndedTrack(*ended) for ended in sorted(self._deleted.items()))
         rest = shares, table.times, table.views, table.misses, table.sightings, deleted, novel
         return Message(self.uav, degree, self.scans, self.time, partition, table.ids, keys, *rest)
@@ -79,6 +78,19 @@ class Messenger:
         # Old deletions are dropped. A partition that was cut off for longer may bring such a track back for a while.
         self._deleted = {id: until for id, until in message.deleted if self.time - until <= _FORGET_AFTER}
         self._partition = message.partition
+
+
+@compiled
+def _weigh(leader: int, ids: Indices, weights: Array, averaged: Array, existence: Array) -> tuple[Indices, Array]:
+    """Keys (T, 2) and shares (T, 22) of a message from weights (T,), information (T, 20) and existence (T,)."""
+    keys, shares = np.empty((len(ids), 2), np.int64), np.empty((len(ids), LOG_ODDS + 1))
+    for t in range(len(ids)):
+        keys[t, 0], keys[t, 1] = leader, ids[t]
+        shares[t, WEIGHT] = weights[t]
+        for k in range(averaged.shape[1]):
+            shares[t, 1 + k] = weights[t] * averaged[t, k]
+        shares[t, LOG_ODDS] = weights[t] * log_odds(existence[t])
+    return keys, shares
 
 
 class TrackExchange:

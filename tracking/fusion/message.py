@@ -21,7 +21,7 @@ INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 WEIGHT, LOG_ODDS = 0, 1 + INFORMATION
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
 # Columns of tracks, and their values for a track that a message lacks; -1 has all bits.
-_COLUMNS = {
+EMPTY = {
     "ids": -1,
     "keys": -1,
     "shares": 0,
@@ -102,7 +102,7 @@ class Message:
     @property
     def numbers(self) -> int:
         """Count of the numbers without novel information: 6, 29 for each track, and 2 for each deleted id."""
-        return 6 + _PER_TRACK * len(self.ids) + 2 * len(self.deleted)
+        return count_plain_numbers(len(self.ids), len(self.deleted))
 
     @cached_property
     def beliefs(self) -> Beliefs:
@@ -117,7 +117,7 @@ class Message:
 
     def existence(self) -> Array:
         """Existence probabilities (T,)."""
-        return from_log_odds(self.shares[:, LOG_ODDS] / self.shares[:, WEIGHT])
+        return read_existence(self.shares)
 
     def latest_sightings(self) -> Array:
         """Position [m] and time [s] of the last sure detections (T, 3), including this scan."""
@@ -126,7 +126,7 @@ class Message:
     def select(self, rows: Indices, **changed: Any) -> Message:  # noqa: ANN401 - as many types as fields
         """A copy with these rows of its tracks, where a row of -1 is empty, and with other fields changed."""
         there = rows >= 0
-        for name, empty in _COLUMNS.items():
+        for name, empty in EMPTY.items():
             if name not in changed:
                 column = getattr(self, name)
                 changed[name] = np.full((len(rows), *column.shape[1:]), empty, column.dtype)
@@ -149,6 +149,15 @@ def find_beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
 
 
 @compiled
+def read_existence(shares: Array) -> Array:
+    """Existence probabilities (T,) from shares (T, 22)."""
+    out = np.empty(len(shares))
+    for t in range(len(out)):
+        out[t] = from_log_odds(shares[t, LOG_ODDS] / shares[t, WEIGHT])
+    return out
+
+
+@compiled
 def find_latest_sightings(sightings: Array, times: Array, means: Array, now: float) -> Array:
     """Last sure detections (T, 3), up to the scan at `now` s, from columns of messages and means (T, 4)."""
     latest = sightings.copy()
@@ -162,6 +171,11 @@ def are_alike(messages: Sequence[Message]) -> bool:
     """True if messages have the same tracks in the same rows, with the same times of sightings before this scan."""
     same = [m.table for m in messages]
     return not same or same.count(same[0]) == len(same)
+
+
+def count_plain_numbers(tracks: int, deleted: int) -> int:
+    """Count the numbers of a message about so many tracks and deletions, without novel information."""
+    return 6 + _PER_TRACK * tracks + 2 * deleted
 
 
 @compiled

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -9,17 +10,16 @@ import numpy as np
 from tracking.fusion.message import (
     IDS_PER_SCAN,
     EndedTrack,
-    Message,
-    are_alike,
     find_beliefs,
     find_latest_sightings,
     is_new_id,
     new_id,
 )
+from tracking.fusion.mixing import FleetColumns
 from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.distances import gaussian_costs, length
 from tracking.numerics.exponential import log
 from tracking.numerics.stacks import elementwise
@@ -29,6 +29,7 @@ _SAME_ID = 1.5  # log-likelihood ratio of a common id, which partitions give mor
 _UNKNOWN = 1e-5  # 1/m², density of people for which only one of two UAVs has a track
 _TURNED = 0.05  # probability that an unseen person is anywhere within reach, rather than where the belief is
 _IDS = 1 << 52  # above all ids, so that one number stands for a leader and an id
+_BITS = 62  # of a number that says which messages have a track
 
 
 class JointTracks(NamedTuple):
@@ -50,7 +51,15 @@ class _Table(NamedTuple):
     seen: Array  # (G,) s, last sure detection
     source: Indices  # (G,) first of the messages with that detection
     named: Indices  # (P,) tracks, ascending, again for each id that messages give it
-    given: Indices  # (P,) these ids
+    given: Indices  # (P,) these ids, ascending for each track
+
+
+class _Ended(NamedTuple):
+    """The tracks that N messages say to have ended."""
+
+    ids: Indices  # (D,), ascending
+    until: Array  # (D,) s
+    known: Flags  # (N,) messages that contain all of them, and so have no track whose last detection they make void
 
 
 class LatestTracks(NamedTuple):
@@ -61,71 +70,181 @@ class LatestTracks(NamedTuple):
     sightings: Array  # (G, 3) position [m] and time [s] of the last sure detection
 
 
-def associate_tracks(messages: Sequence[Message], max_speed: float) -> JointTracks:
-    """Associate the tracks of messages.
+def associate_tracks(
+    columns: FleetColumns,
+    told: Sequence[int],
+    deleted: Sequence[tuple[EndedTrack, ...]],
+    scan: tuple[int, float],
+    max_speed: float,
+) -> JointTracks:
+    """Associate the tracks of N messages.
 
     Within a partition of the fleet, tracks of one id are of one person. Other tracks are joined by the ratio of the
     likelihoods that both are of one person and that they are of two, but never if one UAV made the last detection of
-    both. The order of messages has no influence. max_speed: largest speed of people [m/s].
+    both.
+
+    columns: of all messages; told: the N messages among them, ascending by UAV; deleted: of each of these N; scan:
+    number and time [s]; max_speed: largest speed of people [m/s].
     """
-    if are_alike(messages):
-        own = messages[0]
-        return JointTracks(own.ids, own.keys, np.tile(np.arange(len(own.ids)), (len(messages), 1)), own.deleted)
-    order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
-    ordered = [messages[k] for k in order]
+    messages, (number, now) = np.array(told), scan
     # `dict` keeps the latest time of each id, because the last of equal keys counts.
-    latest_ends = dict(sorted({ended for m in messages for ended in m.deleted}))
-    deleted = tuple(EndedTrack(*ended) for ended in latest_ends.items())
-    table = _tabulate(ordered, deleted)
-    group, ends = _group(ordered, table, max_speed)
-    ids = _choose_ids(table, group, ends, messages[0].scan)
-    kept, first = np.unique(ids, return_index=True)
-    kept, first = kept[kept >= 0], first[kept >= 0]
+    alike = deleted.count(deleted[0]) == len(deleted)
+    ends = deleted[0] if alike else tuple(EndedTrack(*e) for e in dict(sorted({*chain(*deleted)})).items())
+    ended = _Ended(
+        np.array([id for id, _ in ends], dtype=np.int64),
+        np.array([until for _, until in ends], dtype=float),
+        np.array([d == ends for d in deleted]) if not alike else np.ones(len(told), dtype=np.bool_),
+    )
+    at_once, ids, keys, rows = _associate_at_once(columns, messages, ended, now)
+    if not at_once:
+        table = _tabulate(columns, messages, ended, now)
+        group, over = _group(columns, messages, table, scan, max_speed)
+        ids, keys, rows = _arrange(table, group, over, _choose_ids(table, group, over, number))
+    return JointTracks(ids, keys, rows, ends)
+
+
+@compiled
+def _associate_at_once(
+    columns: FleetColumns, messages: Indices, ended: _Ended, now: float
+) -> tuple[bool, Indices, Indices, Indices]:
+    """True and what `_arrange` returns; False if tracks have to be compared, because they may be of one person."""
+    table = _tabulate(columns, messages, ended, now)
+    alike = _find_common_ids(table.named, table.given)
+    apart = _find_apart(table.valid, _find_comparable(table.valid, alike))
+    if len(alike.first) + len(apart.first) > 0:
+        return False, table.given, table.keys, table.rows
+    group, over, ids = (
+        np.arange(len(table.seen)),
+        np.zeros(len(table.seen), np.bool_),
+        np.empty(len(table.seen), np.int64),
+    )
+    for p in range(len(table.named) - 1, -1, -1):
+        ids[table.named[p]] = table.given[p]  # the smallest one
+    kept, keys, rows = _arrange(table, group, over, ids)
+    return True, kept, keys, rows
+
+
+@compiled
+def _tabulate(columns: FleetColumns, messages: Indices, ended: _Ended, now: float) -> _Table:
+    """Tabulate the tracks of messages, without tracks whose last detection a deletion has made void."""
+    whole, rows = _list_tracks(columns, messages, ended)
+    count, tracks = rows.shape
+    keys = np.empty((tracks, 2), np.int64)
+    valid, seen, source = np.zeros((count, tracks), np.bool_), np.full(tracks, -np.inf), np.zeros(tracks, np.int64)
+    named, given = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
+    end = 0
+    for g in range(tracks):
+        keys[g, 0], keys[g, 1] = divmod(whole[g], _IDS)
+        first, before = end, -np.inf
+        for s in range(count):
+            m, r = messages[s], rows[s, g]
+            if r >= 0:
+                sighted = columns.sightings[m, r, SIGHTED_AT]
+                before = max(before, sighted)
+                after = now if columns.times[m, r, SURE_AT] >= now else sighted
+                if after > seen[g] or end == first:
+                    seen[g], source[g] = after, s
+                end = _insert(named, given, first, end, g, columns.ids[m, r])
+        for s in range(count):
+            valid[s, g] = rows[s, g] >= 0 and columns.sightings[messages[s], rows[s, g], SIGHTED_AT] >= before
+    return _Table(keys, rows, valid, seen, source, named[:end].copy(), given[:end].copy())
+
+
+@merged
+def _list_tracks(columns: FleetColumns, messages: Indices, ended: _Ended) -> tuple[Indices, Indices]:
+    """The keys (G,) of the tracks of N messages as one number each, ascending, and their rows (N, G); -1 for none."""
+    count, most = len(messages), columns.ids.shape[1]
+    codes, places, held = (
+        np.empty((count, most), np.int64),
+        np.empty((count, most), np.int64),
+        np.zeros(count, np.int64),
+    )
+    for s in range(count):
+        held[s] = _list_codes(columns, messages[s], ended, ended.known[s], codes[s], places[s])
+    whole = codes[0, : held[0]].copy()
+    for s in range(1, count):
+        whole = _unite(whole, codes[s, : held[s]])
+    rows = np.full((count, len(whole)), -1)
+    for s in range(count):
+        g = 0
+        for k in range(held[s]):
+            while whole[g] != codes[s, k]:
+                g += 1
+            rows[s, g] = places[s, k]
+    return whole, rows
+
+
+@compiled
+def _list_codes(columns: FleetColumns, m: int, ended: _Ended, informed: bool, codes: Indices, rows: Indices) -> int:
+    """List the keys of a message's tracks as one number each, ascending, and their rows; returns how many there are."""
+    count, ascending = 0, True
+    for r in range(columns.counts[m]):
+        if not informed:
+            at = np.searchsorted(ended.ids, columns.ids[m, r])
+            gone = at < len(ended.ids) and ended.ids[at] == columns.ids[m, r]
+            if gone and columns.times[m, r, DETECTED_AT] < ended.until[at]:
+                continue
+        codes[count], rows[count] = columns.keys[m, r, 0] * _IDS + columns.keys[m, r, 1], r
+        ascending &= count == 0 or codes[count] > codes[count - 1]
+        count += 1
+    if not ascending:
+        order = np.argsort(codes[:count], kind="mergesort")
+        codes[:count], rows[:count] = codes[:count][order], rows[:count][order]
+    return count
+
+
+@compiled
+def _unite(first: Indices, second: Indices) -> Indices:
+    """All numbers, ascending, of two arrays that are ascending."""
+    if len(first) == len(second) and np.all(first == second):
+        return first
+    out, a, b, count = np.empty(len(first) + len(second), np.int64), 0, 0, 0
+    while a < len(first) or b < len(second):
+        here = b == len(second) or (a < len(first) and first[a] <= second[b])
+        there = a == len(first) or (b < len(second) and second[b] <= first[a])
+        out[count] = first[a] if here else second[b]
+        a, b, count = a + here, b + there, count + 1
+    return out[:count].copy()
+
+
+@compiled
+def _insert(named: Indices, given: Indices, first: int, end: int, track: int, id: int) -> int:
+    """Insert an id of a track into its ascending ones from `first` to `end`, unless it is there; returns the end."""
+    at = first
+    while at < end and given[at] < id:
+        at += 1
+    if at < end and given[at] == id:
+        return end
+    for k in range(end, at, -1):
+        named[k], given[k] = named[k - 1], given[k - 1]
+    named[at], given[at] = track, id
+    return end + 1
+
+
+@compiled
+def _arrange(table: _Table, group: Indices, ends: Flags, ids: Indices) -> tuple[Indices, Indices, Indices]:
+    """The `ids`, `keys` and `rows` of `JointTracks` from the group, the end and the id (G,) of each track."""
+    order = np.argsort(ids, kind="mergesort")
+    place, firsts, count = np.full(len(ids), -1), np.empty(len(ids), np.int64), 0
+    for k in range(len(order)):
+        g = order[k]
+        if ids[g] >= 0:
+            if count == 0 or ids[firsts[count - 1]] != ids[g]:
+                firsts[count] = g
+                count += 1
+            place[g] = count - 1
     latest = np.full(len(ids), -np.inf)  # of each group
-    np.maximum.at(latest, group, table.seen)
-    sender, track = np.nonzero(table.valid & (~ends & (table.seen >= latest[group])))
-    rows = np.full((len(messages), len(kept)), -1)
-    rows[np.array(order)[sender], np.searchsorted(kept, ids)[track]] = table.rows[sender, track]
-    return JointTracks(kept, table.keys[first], rows, deleted)
-
-
-def _tabulate(messages: Sequence[Message], deleted: tuple[EndedTrack, ...]) -> _Table:
-    """Tabulate the tracks of messages, without tracks whose last detection a deletion has made void.
-
-    A message that contains all deletions has no such tracks.
-    """
-    counts = [len(m.ids) for m in messages]
-    sender, row = np.repeat(np.arange(len(counts)), counts), np.concatenate([np.arange(count) for count in counts])
-    ids, keys, times, sightings = (
-        np.concatenate([getattr(m, name) for m in messages]) for name in ("ids", "keys", "times", "sightings")
-    )
-    uninformed = np.array([m.deleted != deleted for m in messages])[sender]
-    if uninformed.any():
-        gone, until = np.array(deleted).T
-        at = np.minimum(np.searchsorted(gone, ids), len(gone) - 1)
-        stays = ~(uninformed & (gone[at] == ids) & (times[:, DETECTED_AT] < until[at]))
-        sender, row, ids, keys, times, sightings = (x[stays] for x in (sender, row, ids, keys, times, sightings))
-    codes, track = np.unique(keys[:, 0] * _IDS + keys[:, 1], return_inverse=True)
-    shape = len(messages), len(codes)
-    rows, before = np.full(shape, -1), np.full(shape, -np.inf)
-    rows[sender, track], before[sender, track] = row, sightings[:, SIGHTED_AT]
-    now, after = messages[0].time, before.copy()
-    after[sender, track] = np.where(times[:, SURE_AT] >= now, now, sightings[:, SIGHTED_AT])
-    held, seen = rows >= 0, after.max(axis=0, initial=-np.inf)
-    named = np.full(shape, -1)
-    named[sender, track] = ids
-    named.sort(axis=0)
-    new = named >= 0
-    new[1:] &= named[1:] != named[:-1]
-    return _Table(
-        keys=np.column_stack(np.divmod(codes, _IDS)),
-        rows=rows,
-        valid=held & (before >= before.max(axis=0, initial=-np.inf)),
-        seen=seen,
-        source=(held & (after >= seen)).argmax(axis=0),
-        named=np.nonzero(new.T)[0],
-        given=named.T[new.T],
-    )
+    for g in range(len(ids)):
+        latest[group[g]] = max(latest[group[g]], table.seen[g])
+    rows = np.full((len(table.rows), count), -1)
+    for s in range(len(rows)):
+        for g in range(len(ids)):
+            if table.valid[s, g] and not ends[g] and table.seen[g] >= latest[group[g]]:
+                rows[s, place[g]] = table.rows[s, g]
+    kept, keys = np.empty(count, np.int64), np.empty((count, 2), np.int64)
+    for k in range(count):
+        kept[k], keys[k, 0], keys[k, 1] = ids[firsts[k]], table.keys[firsts[k], 0], table.keys[firsts[k], 1]
+    return kept, keys, rows
 
 
 class Pairs(NamedTuple):
@@ -177,39 +296,34 @@ def _compute_reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tupl
     return reach, (unseen > 0.0) & (gap <= reach)
 
 
-def _find_last_seen(messages: Sequence[Message], table: _Table, tracks: Indices) -> LatestTracks:
+def _find_last_seen(
+    columns: FleetColumns, messages: Indices, table: _Table, tracks: Indices, now: float
+) -> LatestTracks:
     """States of `tracks`, each from the message with the latest detection. Of equals, the first message counts."""
-    count, source = len(tracks), table.source[tracks]
-    states = LatestTracks(np.empty((count, 4)), np.empty((count, 4, 4)), np.empty((count, 3)))
-    for k in np.unique(source).tolist():
-        m, of = messages[k], np.flatnonzero(source == k)
-        rows = table.rows[k, tracks[of]]
-        means, covariances = find_beliefs(m.shares[rows], m.novel[rows])
-        states.means[of], states.covariances[of] = means, covariances
-        states.sightings[of] = find_latest_sightings(m.sightings[rows], m.times[rows], means, m.time)
-    return states
+    source = table.source[tracks]
+    at = messages[source], table.rows[source, tracks]
+    means, covariances = find_beliefs(columns.shares[at], columns.novel[at])
+    sightings = find_latest_sightings(columns.sightings[at], columns.times[at], means, now)
+    return LatestTracks(means, covariances, sightings)
 
 
-def _group(messages: Sequence[Message], table: _Table, max_speed: float) -> tuple[Indices, Flags]:
+def _group(
+    columns: FleetColumns, messages: Indices, table: _Table, scan: tuple[int, float], max_speed: float
+) -> tuple[Indices, Flags]:
     """Group (G,) of each track, given by one of its tracks, and flags (G,) of tracks that end.
 
     A group out of sight ends if its only id has another track that was seen later, within reach.
     """
     group, ends = np.arange(len(table.seen)), np.zeros(len(table.seen), dtype=np.bool_)
-    alike = _find_common_ids(table)
-    # A track that all UAVs hold can be joined with none.
-    alone = np.asarray(table.valid.all(axis=0))
-    alone[alike.first] = False
-    if alone.all():
-        return group, ends
-    some, place = np.flatnonzero(~alone), np.cumsum(~alone) - 1
-    alike, holders = Pairs(place[alike.first], place[alike.second]), table.valid[:, some].T
-    apart = _find_apart(holders)
-    if len(apart.first) == len(alike.first) == 0:
-        return group, ends
-    states = _find_last_seen(messages, table, some)
+    alike = _find_common_ids(table.named, table.given)
+    some = _find_comparable(table.valid, alike)
+    place = np.zeros(len(group), dtype=np.int64)
+    place[some] = np.arange(len(some))
+    alike, apart = Pairs(place[alike.first], place[alike.second]), _find_apart(table.valid, some)
+    holders = table.valid[:, some].T
+    states = _find_last_seen(columns, messages, table, some, scan[1])
     ratios = _rate_pairs(states, apart, alike, max_speed)
-    joined = _join(states, ratios, holders, is_new_id(table.keys[some, 1], messages[0].scan))
+    joined = _join(states, ratios, holders, is_new_id(table.keys[some, 1], scan[0]))
     group[some] = some[joined]
     others = joined[alike.first] != joined[alike.second]
     later = np.zeros(len(some), dtype=np.bool_)
@@ -246,27 +360,56 @@ def _join(states: LatestTracks, ratios: Array, holders: Flags, begun: Flags) -> 
     return group
 
 
-def _find_common_ids(table: _Table) -> Pairs:
-    """All pairs of different tracks, in either order, with a common id in the messages."""
-    order = np.argsort(table.given, kind="stable")
-    named, given = table.named[order], table.given[order]
-    first, second = [named[:0]], [named[:0]]
-    for k in range(1, len(given)):
-        same = given[k:] == given[:-k]
-        if not same.any():
-            break
-        ends = named[:-k][same], named[k:][same]
-        first += ends
-        second += ends[::-1]
-    return Pairs(np.concatenate(first), np.concatenate(second))
+@compiled
+def _find_common_ids(named: Indices, given: Indices) -> Pairs:
+    """All pairs of different tracks, in either order, with a common id; `named` and `given` as in a `_Table`."""
+    order = np.argsort(given, kind="mergesort")
+    first = [0 for _ in range(0)]
+    second = [0 for _ in range(0)]
+    for k in range(1, len(order)):
+        for other in range(k - 1, -1, -1):
+            if given[order[other]] != given[order[k]]:
+                break
+            a, b = named[order[other]], named[order[k]]
+            first += [a, b]
+            second += [b, a]
+    return Pairs(np.array(first, np.int64), np.array(second, np.int64))
 
 
-def _find_apart(holders: Flags) -> Pairs:
-    """All pairs of tracks that no UAV holds both of; holders (G, N): flags of the UAVs that hold each track."""
-    apart = np.ones((len(holders),) * 2, dtype=np.bool_)
-    for bits in np.packbits(holders, axis=1).T:
-        apart &= bits[:, None] & bits == 0
-    return Pairs(*np.nonzero(np.triu(apart, 1)))
+@compiled
+def _find_comparable(valid: Flags, alike: Pairs) -> Indices:
+    """Tracks, ascending, that others may be of the same person as: not all messages have them, or their id is shared.
+
+    valid (N, G) as in a `_Table`; alike: as from `_find_common_ids`.
+    """
+    some = np.zeros(valid.shape[1], np.bool_)
+    for s in range(len(valid)):
+        for g in range(len(some)):
+            some[g] |= not valid[s, g]
+    for g in alike.first:
+        some[g] = True
+    return np.nonzero(some)[0]
+
+
+@compiled
+def _find_apart(valid: Flags, some: Indices) -> Pairs:
+    """All pairs among some of the tracks that no message has both of, by their places among them; valid (N, G)."""
+    words = (len(valid) + _BITS - 1) // _BITS
+    holders = np.zeros((len(some), words), np.int64)
+    for s in range(len(valid)):
+        for k in range(len(some)):
+            holders[k, s // _BITS] |= np.int64(valid[s, some[k]]) << s % _BITS
+    first = [0 for _ in range(0)]
+    second = [0 for _ in range(0)]
+    for a in range(len(some)):
+        for b in range(a + 1, len(some)):
+            shared = False
+            for w in range(words):
+                shared |= holders[a, w] & holders[b, w] != 0
+            if not shared:
+                first.append(a)
+                second.append(b)
+    return Pairs(np.array(first, np.int64), np.array(second, np.int64))
 
 
 def _rate_pairs(states: LatestTracks, apart: Pairs, alike: Pairs, max_speed: float) -> Array:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tracking.geometry.leaf_gaps import USUAL_PIXEL, USUAL_SLOPE, detectability, detectable_share
-from tracking.geometry.lens import Lens, in_image, lens_of, pixel_size
+from tracking.geometry.lens import Lens, image_point, in_image, lens_of, pixel_size
 from tracking.geometry.line_of_sight import Grid, cylinder_of, free_share, make_grid, optical_depth
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -288,6 +288,7 @@ def _compute_centroids(count: int) -> Array:
 # an edge through the mean, and the moments of either side are exact. Rules for smooth functions, such as Gauss-Hermite
 # quadrature, give probabilities of 1/6 or 5/6 there.
 SAMPLES = np.array([(a, b) for a in _compute_centroids(6) for b in _compute_centroids(6)])
+_FARTHEST = 1.001 * float(np.max(SAMPLES))  # beyond the coordinates of all samples, in spite of rounding
 SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_compute_centroids(6))))
 # Detectable shares (36,) beyond which each sample counts as shown. A sample and the opposite one have the same, so that
 # a share that is the same everywhere moves no belief. In this order, found by a search, the second moments of those
@@ -323,6 +324,9 @@ def see_samples(means: Array, covariances: Array, lens: Lens, occluders: Occlude
                 roots[i, a, b] = covariances[i, a, b]
     roots, cylinders, grid = cholesky_factors(roots), occluders.cylinders, occluders.grid
     for i in range(len(means)):
+        if _is_outside(means[i], roots[i], lens):
+            seen[i] = False
+            continue
         for k in range(len(SAMPLES)):
             x = means[i, 0] + roots[i, 0, 0] * SAMPLES[k, 0]
             y = means[i, 1] + (roots[i, 1, 0] * SAMPLES[k, 0] + roots[i, 1, 1] * SAMPLES[k, 1])
@@ -331,3 +335,28 @@ def see_samples(means: Array, covariances: Array, lens: Lens, occluders: Occlude
             shows = detectability(lens.eye, point, pixel_size(lens, point), cylinders, grid) if shown else 0.0
             seen[i, k] = shows > THRESHOLDS[k]
     return seen
+
+
+@compiled
+def _is_outside(mean: Array, root: Array, lens: Lens) -> bool:
+    """True only if the image has none of the samples of a belief, as of most people in a large area.
+
+    mean (2,) m or longer; root (2, 2) m, of the covariance. The samples are inside a parallelogram. If all its corners
+    are in front of the camera and on the wrong side of one edge of the image, so is what is inside. No lens here bends.
+    """
+    optics = lens.optics
+    if optics.fx == 0.0 or optics.reach > 0.0:
+        return False
+    left = right = above = below = 0
+    for k in range(4):
+        a, b = _FARTHEST if k % 2 else -_FARTHEST, _FARTHEST if k < 2 else -_FARTHEST
+        x, y = mean[0] + root[0, 0] * a, mean[1] + (root[1, 0] * a + root[1, 1] * b)
+        u, v, depth = image_point(lens, (x, y, TARGET_HEIGHT))
+        if depth > 0.0:
+            left, right, above, below = (
+                left + (u < 0.0),
+                right + (u > optics.width),
+                above + (v < 0.0),
+                below + (v > optics.height),
+            )
+    return max(left, right, above, below) == 4

@@ -46,6 +46,22 @@ def find_outcompeted(gates: Indices, detected: Array) -> Flags:
     return without
 
 
+@compiled
+def find_rivals(existence: Array, among: Flags) -> Indices:
+    """Tracks that can be in a pair of `find_duplicates`: with the least likely one they add up to one person, not two.
+
+    existence (T,) and among (T,) as there; unless there are two such tracks there is no pair.
+    """
+    least = np.inf
+    for t in range(len(existence)):
+        if among[t]:
+            least = min(least, existence[t])
+    rivals = among.copy()
+    for t in range(len(existence)):
+        rivals[t] &= existence[t] < _ONE - least
+    return np.nonzero(rivals)[0]
+
+
 def find_duplicates(beliefs: tuple[Array, Array], existence: Array, among: Flags, gate: float) -> list[tuple[int, int]]:
     """Pairs (kept, other) of tracks that share one person, the nearest pairs first; each track is in one pair at most.
 
@@ -54,8 +70,7 @@ def find_duplicates(beliefs: tuple[Array, Array], existence: Array, among: Flags
     up to one. The likelier track is kept, or the first if both are about as likely.
     Note: this is ours; [Williams15] approximates by tracks in their order, and keeps both tracks of such a pair.
     """
-    # Tracks that can be in a pair: with the least likely one they add up to one person rather than two.
-    rows = np.flatnonzero(among & (existence < _ONE - existence[among].min(initial=np.inf)))
+    rows = find_rivals(existence, among)
     if len(rows) < 2:
         return []
     means, covariances = beliefs[0][rows], beliefs[1][rows]

@@ -9,7 +9,6 @@ import numpy as np
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import length
 from tracking.plugins.plugin_error import Unusable
 from tracking.plugins.result_check import COVARIANCES, WHOLE, Form, read_numbers
 from tracking.track import Scan, Track, make_tracks
@@ -75,7 +74,10 @@ def _check_pose(pose: Pose) -> None:
     quaternion = _read_floats("pose.quaternion", pose.quaternion)
     if position.shape != (3,) or not all(map(math.isfinite, position.tolist())):
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
-    if quaternion.shape != (4,) or not abs(float(length(quaternion)) - 1.0) <= _TOLERANCE:
+    if (
+        quaternion.shape != (4,)
+        or not abs(math.sqrt(math.fsum(q * q for q in quaternion.tolist())) - 1.0) <= _TOLERANCE
+    ):
         raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
 
 

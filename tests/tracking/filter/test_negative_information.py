@@ -70,7 +70,7 @@ def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
 
     def undetected(weight):
         p = TrackerParameters(MOTION, negative_information=weight)
-        return predict_scan(predicted, np.ones(1), seen, 1 - 0.99 * seen, p).undetected[0][0, 0]
+        return predict_scan(predicted, np.ones(1), seen, 1 - 0.99 * seen, p.scan).undetected[0][0, 0]
 
     off, half, full = undetected(0.0), undetected(0.5), undetected(1.0)
     assert off == pytest.approx(mean[0], rel=1e-12)

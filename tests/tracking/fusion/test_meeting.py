@@ -8,6 +8,7 @@ from helpers.graphs import NOW, exchange, graph, told
 from helpers.scenes import scan, track, tracker
 
 from tracking.fusion.consensus import fuse
+from tracking.fusion.mixing import stack_messages
 from tracking.fusion.track_association import associate_tracks
 
 KINDS = pytest.mark.parametrize("kind", ["complete", "line"])
@@ -214,8 +215,10 @@ def test_a_fresh_id_does_not_depend_on_which_partitions_a_uav_hears():
     both, one = (told(0, [50.0, 70.0][-n:], [0.05] * n, [3, 4][-n:], [NOW] * n) for n in (2, 1))
     fresh = []
     for m, other in zip(own, (both, one), strict=True):
-        joint = associate_tracks([m, other], 3.0)
-        held, places = joint.rows[0] >= 0, m.beliefs.means[joint.rows[0], 0].round(3)
+        pair = sorted([m, other], key=lambda message: message.uav)
+        joint = associate_tracks(stack_messages(pair), [0, 1], [(), ()], (m.scan, m.time), 3.0)
+        rows = joint.rows[pair.index(m)]
+        held, places = rows >= 0, m.beliefs.means[rows, 0].round(3)
         fresh.append(dict(zip(places[held].tolist(), joint.ids[held].tolist(), strict=True)))
     assert fresh[0][20.0] == fresh[1][20.0] and fresh[0][0.0] != fresh[0][20.0]
 

@@ -8,7 +8,8 @@ from scipy.stats import norm
 
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest, Tree, visible_samples
+from tracking.geometry.quaternions import pitch
+from tracking.geometry.visibility import SAMPLES, Forest, Tree, at_target_height, visible_samples
 
 CAMERA = Camera(math.radians(60), 128)
 LOW, HIGH = np.array([-30.0, -30.0, 0.0]), np.array([30.0, 30.0, 22.0])
@@ -141,3 +142,19 @@ def test_what_several_cameras_show_is_what_each_of_them_shows():
         assert np.any((row > 0.0) & (row < 1.0)) and np.any(row == 0.0)
     points[3] = np.nan
     assert not forest.find_shown(*rows, points)[:, 3].any()
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.6, 1.2])
+def test_samples_in_view_are_those_inside_the_image_of_beliefs_near_and_far(tilt):
+    """In the open, and against single points, as most beliefs are wholly outside and end at once."""
+    rng, pose = np.random.default_rng(int(10 * tilt)), Pose.level(0.0, 0.0, 20.0)
+    pose = Pose(pose.position, pitch(pose.quaternion, tilt))
+    means = np.column_stack([rng.uniform(-60.0, 60.0, (300, 2)), np.zeros((300, 2))])
+    roots = np.tril(rng.normal(size=(300, 2, 2))) * rng.choice([1e-6, 1.0, 20.0], (300, 1, 1))
+    roots[:, [0, 1], [0, 1]] = np.abs(roots[:, [0, 1], [0, 1]])
+    covariances = np.zeros((300, 4, 4))
+    covariances[:, :2, :2] = roots @ np.swapaxes(roots, 1, 2)
+    seen = visible_samples(Forest(()), means, covariances, CAMERA.lens(pose))[:, 0]
+    places = means[:, None, :2] + np.einsum("tij,kj->tki", roots, SAMPLES)
+    inside = CAMERA.sees(pose, at_target_height(places.reshape(-1, 2))).reshape(seen.shape)
+    assert np.mean(seen.any(axis=1) & ~seen.all(axis=1)) > 0.05 and np.mean(seen == inside) > 0.9999

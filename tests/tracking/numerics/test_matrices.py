@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracking.numerics import distances, factorisation, matrices
-from tracking.numerics.stacks import cholesky_factors, forward_solutions
+from tracking.numerics.stacks import cholesky_factors, forward_solutions, row_sums
 
 _RNG = np.random.default_rng(7)
 
@@ -90,3 +90,9 @@ def test_lengths_are_euclidean():
     assert distances.length(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist() == [5.0, 0.0]
     for vectors in (np.random.default_rng(n).normal(0, 30, (40, 30, n)) for n in (2, 3, 40)):
         np.testing.assert_array_equal(distances.length(vectors), np.sqrt(np.sum(np.square(vectors), axis=-1)))
+
+
+@pytest.mark.parametrize("count", [8, 15, 36, 128])
+def test_row_sums_are_numpys_to_the_bit(count):
+    rows = np.random.default_rng(count).normal(size=(200, count)) * 10.0 ** np.arange(200)[:, None] / 1e100
+    np.testing.assert_array_equal(row_sums(rows), rows.sum(axis=1))
