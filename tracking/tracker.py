@@ -166,7 +166,7 @@ class Tracker:
             self._registration.note(table.ids, beliefs, scan, after.gates, after.weights)
         columns = table.times, table.views
         table.weights = _note_detections(
-            after.missed, after.gates, before.visible, columns, scan.time, p.scan.by_existence
+            after.missed, after.gates, before.visible, columns, (scan.time, SEEN), p.scan.by_existence
         )
         table.means, table.covariances, table.existence = after[:3]
         if self._tentative or not after.explained.all():
@@ -355,16 +355,23 @@ def _view_tracks(
 
 @compiled
 def _note_detections(
-    missed: Array, gates: Indices, visible: Array, columns: tuple[Array, Indices], now: float, by_existence: bool
+    missed: Array,
+    gates: Indices,
+    visible: Array,
+    columns: tuple[Array, Indices],
+    levels: tuple[float, float],
+    by_existence: bool,
 ) -> Array:
     """Note in the columns `times` and `views` what a scan detected of T tracks; returns their weights (T,).
 
-    missed (T,) and gates (G, 2) as in a `ScanUpdate`; visible (T,) as in a `ScanPrediction`.
+    missed (T,) and gates (G, 2) as in a `ScanUpdate`; visible (T,) as in a `ScanPrediction`; levels: time of the
+    scan [s], and probability from which on a person counts as detected.
     """
+    now, least = levels
     detected, weights, (times, views) = 1.0 - missed, np.empty(len(missed)), columns
     without = np.zeros(len(missed), np.bool_) if by_existence else find_outcompeted(gates, detected)
     for t in range(len(missed)):
-        if detected[t] >= SEEN and not without[t]:
+        if detected[t] >= least and not without[t]:
             times[t, DETECTED_AT] = now
         if visible[t] >= EXPECTED:
             times[t, EXPECTED_AT] = now
