@@ -20,7 +20,7 @@ from sim.facts.metrics.summary import make_results_table
 from sim.mission.archive import load_recording
 from sim.mission.mission import Mission
 from sim.mission.trial import Trial
-from sim.running import results as flights
+from sim.running import pictures
 from sim.running.results import run_mission
 from sim.scenario.loading import load_scenario
 from sim.study.analysis.labels import find_baseline
@@ -191,12 +191,12 @@ def test_an_oracle_of_the_people_found_goes_to_those_it_lost_and_to_nobody_else(
 def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch, without_pictures):
     titles = []
 
-    class Film(flights.Film):
+    class Film(pictures.Film):
         def __init__(self, scenario, forest, *, planner):
             titles.append(planner)
             super().__init__(scenario, forest, planner=planner)
 
-    monkeypatch.setattr(flights, "Film", Film)
+    monkeypatch.setattr(pictures, "Film", Film)
     setting = load_scenario("forest", [*SHORT])
     for name in ("oracle(evaluations=64)", "hover"):
         summary = run_mission(Trial(setting, name, 0), tmp_path / name)

@@ -342,8 +342,8 @@ def _is_outside(mean: Array, root: Array, lens: Lens) -> bool:
     """True only if the image has none of the samples of a belief, as of most people in a large area.
 
     mean (2,) m or longer; root (2, 2) m, of the covariance. The samples are inside a parallelogram. If all its corners
-    are in front of the camera and on the wrong side of one edge of the image, so is what is inside. Distorted images are
-    left to the samples.
+    are in front of the camera and on the wrong side of one edge of the image, so is what is inside. Of distorted
+    images each sample is looked at.
     """
     optics = lens.optics
     if optics.fx == 0.0 or optics.reach > 0.0:

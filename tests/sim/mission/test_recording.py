@@ -82,7 +82,11 @@ def test_a_mission_yields_the_rows_that_its_recording_gives():
     recording = recording_of(mission, snapshots, seed=1)
     assert [row.flown.made if row.flown else None for row in snapshots[::4]] == [None, None, 0.0, 1.0]
     for k, row in enumerate(snapshots):
-        np.testing.assert_equal(dataclasses.asdict(recording.snapshot(k)), dataclasses.asdict(row))
+        shown = recording.snapshot(k)
+        np.testing.assert_array_equal(shown.known_ospa, row.ospa)
+        np.testing.assert_equal(
+            dataclasses.asdict(dataclasses.replace(shown, known_ospa=None)), dataclasses.asdict(row)
+        )
 
 
 def test_plans_of_different_horizons_come_back_at_the_scans_that_made_them():
