@@ -40,8 +40,8 @@ _HOW_TO_READ = (
     "Brackets show 95 % intervals over the maps of a cell. Those of means and mean differences are Student's t "
     "intervals, extended for skewness; those of medians end at two values of the sample. They are not corrected for "
     "their number: of twenty intervals, expect one to miss the true value.",
-    "With ten maps or more, intervals of shares contain the true mean in 95 % of cases (median over planners and worlds of "
-    "bench-1), those of differences at worst in 86 %. This was counted by drawing maps from trials that were flown "
+    "With ten maps or more, intervals of shares contain the true mean in 95 % of cases (median over planners and "
+    "worlds of bench-1), those of differences at worst in 86 %. This was counted by drawing maps from trials that were flown "
     "(docs/how-to/reports.md). If fewer than six maps differ from the most common value there is no interval, because "
     "such a sample tells little of what rare maps add.",
     "Intervals of mean OSPA in metres hold less often, with any number of maps up to 50. On about one map in fifty a "
