@@ -30,7 +30,7 @@ def write_verdict(
     unit = " points" if metric.unit == "%" else f" {metric.unit}".rstrip()
     mean, low, high = (metric.text(v, signed=True) for v in (gap.mean.value, gap.mean.low, gap.mean.high))
     over = f", mean over {gap.cells} cells" if gap.cells > 1 else ""
-    within = f" (95 %: {low} to {high}{over})" if gap.pairs > 1 else over
+    within = over if math.isnan(gap.mean.low) else f" (95 %: {low} to {high}{over})"
     counted = f"; of {count_samples(gap.pairs, sample)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
     ending = counted if metric.better != "neither" else ""
     apart = f"{planner} {_name_direction(metric, gap)} {baseline}"
@@ -41,6 +41,8 @@ def write_verdict(
     elif gap.pairs < LEAST_MAPS:
         are = "is" if gap.pairs == 1 else "are"
         start = f"{count_samples(gap.pairs, sample)} {are} too few to tell {planner} and {baseline} apart"
+    elif gap.pairs - gap.tied < LEAST_MAPS:
+        start = f"{planner} and {baseline} are equal on too many {sample}s to tell them apart"
     else:
         start = f"{planner} and {baseline} cannot be told apart"
     return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_write_remark(gap, shown, sample)}".strip()
@@ -82,6 +84,11 @@ def write_notes(found: Sequence[Answer], *, width: float = math.inf) -> list[str
         )
     if any(pairs < LEAST_MAPS for pairs in compared):
         lines.append(f"Fewer than {LEAST_MAPS} are too few to tell planners apart, wherever the interval ends.")
+    if any(_lacks_interval(answer) for answer in found):
+        lines.append(
+            f"No brackets where fewer than {LEAST_MAPS} maps differ from the most common value: too many ties to tell "
+            "what rare maps add."
+        )
     if any(answer.maps < answer.flown for answer in found):
         lines.append("Maps: the number with a value, of all flown. Mean and median are over those with a value.")
     if compared:
@@ -94,6 +101,13 @@ def write_notes(found: Sequence[Answer], *, width: float = math.inf) -> list[str
     if any(answer.trials + answer.failed > answer.flown for answer in found):
         lines.append(f"Each {sample} counts once, with the mean of its repeats.")
     return lines
+
+
+def _lacks_interval(answer: Answer) -> bool:
+    """True if the mean of several maps, or of several differences, has no interval."""
+    gap = answer.difference
+    of_gap = gap is not None and gap.pairs > 1 and math.isnan(gap.mean.low)
+    return of_gap or (answer.maps > 1 and math.isnan(answer.mean.low))
 
 
 def _write_correction_note(pairs: Sequence[int]) -> str:

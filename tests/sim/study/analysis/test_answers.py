@@ -113,13 +113,13 @@ def test_repeats_count_whatever_their_order_without_those_that_failed():
 
 
 def test_intervals_end_where_values_do():
-    rows = flown("sma-nbo", {s: v for s, v in enumerate((1.0, 1.0, 1.0, 1.0, 0.2))}, "ospa.share_under_1m")
+    rows = flown("sma-nbo", {s: v for s, v in enumerate((1.0, 0.99, 0.98, 0.97, 0.2))}, "ospa.share_under_1m")
     share = answer(rows, "sma-nbo", SHARE, "sma-nbo").mean
-    free = estimate_means(np.array([[1.0, 1, 1, 1, 0.2]]).T)[0]
+    free = estimate_means(np.array([[1.0, 0.99, 0.98, 0.97, 0.2]]).T)[0]
     assert (share.low, share.high) == (0.0, 1.0) and free.low < 0 and free.high > 1
-    rows += flown("greedy", {s: v for s, v in enumerate((0.0, 0.0, 0.0, 0.0, 0.2))}, "ospa.share_under_1m")
+    rows += flown("greedy", {s: v for s, v in enumerate((0.0, 0.01, 0.02, 0.03, 0.2))}, "ospa.share_under_1m")
     gap = answer(rows, "sma-nbo", SHARE).difference.mean
-    assert gap.low == -1.0 and estimate_means(np.array([[-1.0, -1, -1, -1, 0]]).T)[0].low < -1
+    assert gap.low == -1.0 and estimate_means(np.array([[-1.0, -0.98, -0.96, -0.94, 0]]).T)[0].low < -1
     error = answer(flown("sma-nbo", {0: 0.0, 1: 0.1, 2: 9.0}), "sma-nbo", planner="sma-nbo").mean
     assert error.low == 0.0 and error.high > 9.0
 

@@ -137,9 +137,27 @@ def test_columns_are_independent_and_few_maps_have_no_interval():
 
 
 @pytest.mark.parametrize("n", [2, 3, 7, 50])
-def test_equal_values_have_an_interval_of_no_width(n):
-    for function in (estimate_means, estimate_medians):
-        np.testing.assert_allclose(three(function(np.full((n, 1), 0.1))[0]), (0.1, 0.1, 0.1), rtol=1e-15)
+def test_equal_values_have_a_median_of_no_width_and_no_interval_of_their_mean(n):
+    values = np.full((n, 1), 0.1)
+    np.testing.assert_allclose(three(estimate_medians(values)[0]), (0.1, 0.1, 0.1), rtol=1e-15)
+    np.testing.assert_allclose(three(estimate_means(values)[0]), (0.1, np.nan, np.nan), rtol=1e-15)
+
+
+@pytest.mark.parametrize(("n", "ties", "told"), [(10, 4, True), (10, 5, False), (40, 34, True), (40, 35, False)])
+def test_means_have_an_interval_if_six_values_differ_from_the_most_common_one(n, ties, told):
+    for common in (0.0, 0.7):
+        values = np.concatenate([np.full(ties, common), common + 0.1 * np.arange(1, n - ties + 1)])[:, None]
+        assert np.isfinite(three(estimate_means(values)[0])[1:]).all() == told
+    for few in ([1.0, 2.0], [1.0, 2.0, 3.0, 4.0, 5.0]):
+        assert np.isfinite(estimate_means(np.array(few)[:, None])[0].low)
+        assert np.isnan(estimate_means(np.array([few[0], *few])[:, None])[0].low)
+
+
+def test_ties_do_not_count_as_maps_in_the_least_p_value():
+    for n in (3, 5, 6):
+        values = np.concatenate([np.zeros(30), 100.0 + 1e-6 * np.arange(n)])[:, None]
+        assert compute_p_values(values)[0] >= 2.0 ** (1 - n)
+    assert compute_p_values(np.array([[0.0], [1e-3]])) == [1.0]
 
 
 @pytest.mark.parametrize("gap", [np.nan, np.inf, -np.inf])

@@ -122,6 +122,20 @@ def test_verdicts_figures_and_failures_name_the_cell_of_what_they_are_about(with
     assert shown[1].startswith("scenario = dense, version = 0.2.0, a, seed 1: ValueError: full")
 
 
+def test_planners_that_differ_on_few_maps_are_not_told_apart_and_have_no_interval():
+    """Intervals covered 72 % in such a case."""
+    own = [1.0] * 7 + [0.1, 0.2, 0.3]
+    given = [
+        row(p, s, metrics={"ospa.share_under_1m": v if p == "a" else 1.0}) for p in "ba" for s, v in enumerate(own)
+    ]
+    text = Page(make_files(given, About("x", baseline="b"))["report.html"].decode()).of("main")[0][1]
+    verdict = (
+        "a and b are equal on too many maps to tell them apart: scans with OSPA under 1 m -24.0 points; of 10 maps it "
+    )
+    assert verdict + "won 0, tied 7 and lost 3." in text and "(95 %:" not in text
+    assert "No brackets where fewer than 6 maps differ from the most common value" in text
+
+
 def test_of_equal_maps_none_is_called_best_or_worst_and_equal_planners_are_equal(without_pictures):
     shares = {"a": [1.0, 1.0, 0.9, 0.8, 0.8, 1.0], "b": [1.0, 1.0, 0.9, 0.8, 0.8, 1.0], "c": [0.2] * 6, "d": [0.3]}
     given = [row(p, s, metrics={"ospa.share_under_1m": v}) for p, own in shares.items() for s, v in enumerate(own)]
