@@ -41,9 +41,9 @@ _HOW_TO_READ = (
     "intervals, extended for skewness; those of medians end at two values of the sample. They are not corrected for "
     "their number: of twenty intervals, expect one to miss the true value.",
     "With ten maps or more, intervals of shares contain the true mean in 95 % of cases (median over planners and "
-    "worlds of bench-1), those of differences at worst in 86 %. This was counted by drawing maps from trials that were flown "
-    "(docs/how-to/reports.md). If fewer than six maps differ from the most common value there is no interval, because "
-    "such a sample tells little of what rare maps add.",
+    "worlds of bench-1), those of differences at worst in 86 %. This was counted by drawing maps from trials that were "
+    "flown (docs/how-to/reports.md). If fewer than six maps differ from the most common value there is no interval, "
+    "because such a sample tells little of what rare maps add.",
     "Intervals of mean OSPA in metres hold less often, with any number of maps up to 50. On about one map in fifty a "
     "planner loses people for good, and such a map outweighs all others; samples without one miss the mean. Shares of "
     "scans tell more, and so do medians over the maps, whose intervals are reliable with six maps or more.",
