@@ -23,7 +23,7 @@ NUMBERS = (2, 3, 5, 8, 10, 20, 50)
 SAMPLES = 4000
 # Share [%] of intervals that contain the mean of all maps flown, by number of maps in a sample; of planners and their
 # differences, in missions of 20 s and 40 s. For scans with OSPA under 1 m: the lowest coverage.
-SHARES = {2: 86, 3: 90, 5: 91, 8: 94, 10: 93, 20: 94, 50: 95}
+SHARES = {2: 93, 3: 95, 5: 96, 8: 96, 10: 94, 20: 94, 50: 95}
 # For a mission's mean and median OSPA: median and lowest coverage.
 ERRORS = {
     "ospa.mean_m": {2: (92, 81), 3: (91, 80), 5: (86, 70), 8: (85, 67), 10: (83, 58), 20: (91, 44), 50: (91, 45)},
