@@ -116,7 +116,7 @@ def _estimate_by_column(values: Array, estimate: Callable[[Array], Estimate]) ->
 
 def _has_too_many_ties(values: Array) -> bool:
     """True if too few of two or more values differ from the most common one."""
-    counts = np.unique(values, return_counts=True)[1]
+    _, counts = np.unique(values, return_counts=True)
     return len(values) - int(counts.max()) < min(LEAST_MAPS, len(values) - 1)
 
 
@@ -142,7 +142,7 @@ def _compute_p_value(values: Array) -> float:
     if n < 2:
         return 1.0
     centre, error, correction = _compute_moments(values)
-    least = 2.0 ** (1 - max(np.count_nonzero(values), 1))
+    least: float = 2.0 ** (1 - max(int(np.count_nonzero(values)), 1))
     if error == 0.0:
         return least if centre else 1.0
     # The quantile q for which the end of the interval towards zero is zero: |centre| = q error + reach (1 + 2 q²).
