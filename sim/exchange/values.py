@@ -1,6 +1,7 @@
 """Values that readers of formats give and writers take: logged flights, labelled images, and columns of a recording."""
 
 import math
+import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +10,12 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from sim.facts.metrics.score import estimate_velocities
 from sim.mission.recording import Recording
 from sim.scenario.camera_settings import CameraSettings, make_camera
+from sim.scenario.geo import Geo
 from sim.scenario.uavs import UavSettings
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera
@@ -58,6 +61,40 @@ class PoseLog(NamedTuple):
         return np.asarray((self.times[0] <= times) & (times <= self.times[-1]))
 
 
+class DroneLog(NamedTuple):
+    """What a drone logged, in order of time; NaN where it lacks a value."""
+
+    times: Array  # (N,) s, of the log's own clock, or of its video
+    places: Array  # (N, 2) deg, latitude and longitude, or m to the east and north
+    heights: Array  # (N,) m
+    attitudes: Array  # (N, 3) deg, yaw, pitch and roll of a gimbal as in `find_attitudes`, or (N, 4) quaternions xyzw
+    above: str = "start"  # what heights are above: "start", "sea" or "ground"
+    on_map: bool = True  # False if places are in m
+    axes: str = "frd"  # of quaternions
+    epoch: float = math.nan  # s, time since 1970 of the log's zero
+    film: tuple[float, float] | None = None  # s, first and last time of its video, if the log tells it
+    focal: float = math.nan  # mm, focal length of the camera as of a film 43.3 mm across the corners
+    remarks: tuple[str, ...] = ()  # on what was read
+
+
+def find_attitudes(angles: Array) -> Array:
+    """Attitudes (N, 4) of images by yaw, pitch and roll (N, 3) deg of a gimbal.
+
+    Yaw is clockwise from north, pitch -90 straight down, and roll clockwise.
+    """
+    yaw, pitch, roll = np.radians(angles).T
+    turns = np.column_stack([-yaw, math.pi / 2 + pitch, -roll])
+    return np.asarray(Rotation.from_euler("ZXZ", turns).as_quat())
+
+
+def find_angles(quaternions: Array) -> Array:
+    """Yaw, pitch and roll (N, 3) deg of a gimbal, of attitudes (N, 4) of images; straight down, roll is zero."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of straight down
+        first, second, third = Rotation.from_quat(quaternions).as_euler("ZXZ").T
+    return np.degrees(np.column_stack([-first, second - math.pi / 2, -third]))
+
+
 class LoggedDetection(NamedTuple):
     """One detection, on the ground or in the image; NaN for what is not known."""
 
@@ -101,6 +138,8 @@ class LoggedCamera(NamedTuple):
     clock_offset: float = 0.0  # s, to add to the UAV's times
     spans: str = ""  # what its angle of view is over, if that is a part of the images
     axes: str = "image"  # of the quaternions of its poses; empty if these have none
+    # `pose_offset_s` to add to times of poses, and what a log may lack: `yaw_deg`, `pitch_deg`, `roll_deg`, `height_m`
+    given: Mapping[str, float] = {}
 
     def fit(self, size: tuple[int, int], where: str) -> "LoggedCamera":
         """The camera of images of this size: of wide ones, if its own square is that in their middle; else InputError.
@@ -146,6 +185,7 @@ class LoggedFlight:
     forest: Forest
     start: float  # s, time in the files of the first frame
     origin: tuple[float, float]  # m, place in the files of the origin
+    geo: Geo  # where the origin of files is on the map
     labels: Path | None  # file of the people, if they are known
     remarks: Sequence[str] = ()  # on what was read
 
