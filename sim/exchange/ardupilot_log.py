@@ -72,7 +72,7 @@ def _turn(rows: Array, times: Array) -> Array:
 
 
 def _find_gimbal(rows: dict[str, Array], times: Array) -> Array:
-    """Yaw, pitch and roll (N, 3) deg of the gimbal at times (N,) s; without a yaw from north, that of the body counts."""
+    """Yaw, pitch and roll (N, 3) deg of the gimbal at times (N,) s; yaw from north, or else from the body's."""
     mount, body = rows["MNT"], rows["ATT"]
     ahead = np.interp(mount[:, 0], body[:, 0], np.unwrap(body[:, 3], period=360))
     yaw = np.where(np.isnan(mount[:, 3]), mount[:, 4] + ahead, mount[:, 3])

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,7 +54,7 @@ class FoundLog(NamedTuple):
 def find_logs(folder: Path) -> dict[int, FoundLog]:
     """The logs in a folder by UAV, by names such as uav1.SRT, else in order of names; InputError for unread ones."""
     found = []
-    for path in sorted(folder.iterdir()):
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
         if path.is_file() and path.name not in _OWN and path.suffix.lower() not in _PLAIN:
             with path.open("rb") as file:
                 head = file.read(_HEAD)
@@ -67,8 +67,20 @@ def find_logs(folder: Path) -> dict[int, FoundLog]:
             for first, (what, instead) in _REFUSED.items():
                 if re.match(first, head):
                     raise InputError(f"FLIGHT: {path} is {what}, which is not read; give {instead}")
-    numbers = [re.search(r"(?i)uav_?(\d+)", one.path.stem) for one in found]
-    return {int(number[1]) if number else i: one for i, (number, one) in enumerate(zip(numbers, found, strict=True))}
+    own = {one.path: one for one in found}
+    return {i: own[path] for i, path in number_files(own).items()}
+
+
+def number_files(paths: Iterable[Path]) -> dict[int, Path]:
+    """Files by UAV: numbered ones such as uav1.SRT by their numbers, others by their order."""
+    found: dict[int, Path] = {}
+    for i, path in enumerate(paths):
+        number = re.search(r"(?i)uav_?(\d+)", path.stem)
+        uav = int(number[1]) if number else i
+        if uav in found:
+            raise InputError(f"FLIGHT: {path} and {found[uav].name} are both of UAV {uav}; expected one of them")
+        found[uav] = path
+    return found
 
 
 def make_poses(found: FoundLog, camera: LoggedCamera, geo: Geo, *, since_1970: bool) -> tuple[PoseLog, list[str]]:

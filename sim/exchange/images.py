@@ -25,7 +25,6 @@ from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 from tracking.settings import read_settings
 
-
 VIDEO_RATE = 5  # frames of a second of a video that are used
 _EARLY = 0.1  # of the time between these, by which one may be early
 
@@ -54,7 +53,7 @@ def detect_in_videos(
     paths: Mapping[int, Path], name: str, uavs: Mapping[int, LoggedUav], forest: Forest
 ) -> dict[int, CameraFrames]:
     """Frames of the video of each UAV, `VIDEO_RATE` of them in a second, by the detector `name`."""
-    found = {}
+    found: dict[int, CameraFrames] = {}
     for uav, path in paths.items():
         found |= _detect(_list_frames(uav, path), name, uavs, forest)
         told = f"video: {path}: {len(found[uav].frames)} frames, {VIDEO_RATE} in a second, are used"
@@ -66,8 +65,7 @@ def measure_video(path: Path) -> tuple[float, tuple[int, int]]:
     """Length [s] of a video, and the width and height of its images."""
     with _open(path) as video:
         stream = video.streams.video[0]
-        length = stream.duration * stream.time_base if stream.duration else (video.duration or 0) / av.time_base
-        return float(length), (stream.width, stream.height)
+        return float((stream.duration or 0) * (stream.time_base or 0)), (stream.width, stream.height)
 
 
 def _open(path: Path) -> InputContainer:

@@ -89,13 +89,13 @@ def read_flight(
         least_score: Of detections that count; by default more than 0.
     """
     folder = Path(folder)
-    own = folder / "scenario.toml"
-    given = read_toml(own, "scenario") if own.exists() else {}
+    settings = folder / "scenario.toml"
+    given = read_toml(settings, "scenario") if settings.exists() else {}
     of_uavs = [override for override in overrides if override.startswith("uavs")]
     apply_overrides(given, [override for override in overrides if override not in of_uavs])
     selection = Selection(tuple(filter(None, map(str.strip, classes.split(",")))), least_score)
-    trees = decode({"trees": pick_tree_keys(given)}).trees
-    flight = read_files(folder, origin, detector, selection, trees)
+    own = decode({"trees": pick_tree_keys(given), "geo": given.get("geo", {})})
+    flight = read_files(folder, origin, own.geo, detector, selection, own.trees)
     _override_uavs(given, of_uavs, len(flight.uavs))
     setting = make_setting(folder, given, flight)
     people = _find_people(flight, setting)
@@ -131,7 +131,9 @@ def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None
         return None
     if not any(uav.people for uav in flight.uavs):
         slack = _NEAR * max(1 / rate, 2 / SAMPLES_PER_SECOND)  # between two samples, people are there if in both
-        return read_trajectories(path, WIDEST, duration=setting.duration, people=setting.people, slack=slack)
+        return read_trajectories(
+            path, WIDEST, duration=setting.duration, people=setting.people, slack=slack, geo=setting.geo
+        )
     found: defaultdict[str, dict[int, Array]] = defaultdict(dict)
     for uav, settings in zip(flight.uavs, setting.uavs, strict=True):
         poses = uav.poses.at(np.array([frame.time for frame in uav.people]))

@@ -92,7 +92,7 @@ def find_angles(quaternions: Array) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of straight down
         first, second, third = Rotation.from_quat(quaternions).as_euler("ZXZ").T
-    return np.degrees(np.column_stack([-first, second - math.pi / 2, -third]))
+    return np.asarray(np.degrees(np.column_stack([-first, second - math.pi / 2, -third])))
 
 
 class LoggedDetection(NamedTuple):

@@ -121,13 +121,12 @@ def read_gpx(text: str, name: str) -> str:
         root = ElementTree.fromstring(re.sub(r'\sxmlns="[^"]*"', "", text, count=1))
     except ElementTree.ParseError as error:
         raise InputError(f"{name}: is no GPX that can be read: {error}") from error
-    rows = []
+    rows: list[list[str]] = []
     for n, track in enumerate(root.findall("trk")):
         for point in track.iter("trkpt"):
             person = (track.findtext("name") or str(n)).strip()
-            rows.append(
-                [point.findtext("time") or "", person, point.get("lat"), point.get("lon"), point.findtext("ele")]
-            )
+            place = [point.get(key) or "" for key in ("lat", "lon")]
+            rows.append([point.findtext("time") or "", person, *place, point.findtext("ele") or ""])
     if not rows:
         raise InputError(f"{name}: has no tracks; expected trk with trkpt and time")
     count = 5 if all(row[4] for row in rows) else 4
