@@ -1,5 +1,6 @@
 """Subtitles in which DJI's drones log their flight, in the dialects of many models."""
 
+import csv
 import math
 import re
 from collections.abc import Mapping
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.exchange.csv_files import write_csv, write_table
 from sim.exchange.values import DroneLog, find_angles
 from sim.mission.recording import Recording
 from sim.scenario.text_files import read_text
@@ -41,7 +43,7 @@ def read_srt(path: Path) -> DroneLog:
         epochs += [stamp - time] * (not math.isnan(stamp))
         rows.append([time, *place, *_read_angles(block, values)])
         heights.append(_read_heights(block, values))
-        focal += [_read_focal(values["focal_len"])] * ("focal_len" in values)
+        focal += [_read_focal(text) for name, text in values.items() if name == "focal_len"]
     if not rows:
         raise InputError(f"log: {path}: has no latitude and longitude; switch on video captions, or give poses.csv")
     table, levels = np.array(rows), np.array(heights)
@@ -122,11 +124,28 @@ def _read_focal(text: str) -> float:
     return value / 100 if value >= _HUNDREDFOLD else value / 10 if value >= _TENFOLD else value
 
 
-def write_srt(recording: Recording, uav: int, path: Path) -> None:
-    """Write where a UAV of a recording with an origin on the map believes its camera to be, a block for each frame."""
+def write_srt_flight(recording: Recording, folder: Path) -> None:
+    """The files of a flight as `write_csv` has them, but with latitude and longitude, and subtitles for poses."""
+    write_csv(recording, folder)
+    (folder / "poses.csv").unlink()
+    for uav in range(recording.uav_count):
+        _write_srt(recording, uav, folder / f"uav{uav}.srt")
+    for path in (folder / f"{name}.csv" for name in ("detections", "trees", "truth")):
+        if path.exists():
+            header, *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
+            first = header.index("x_m")
+            placed = [row for row in rows if row[first]]
+            places = np.array([row[first : first + 2] for row in placed], dtype=float).reshape(-1, 2)
+            for row, place in zip(placed, recording.setting.geo.find_degrees(places).tolist(), strict=True):
+                row[first : first + 2] = map(repr, place)
+            write_table(path, [*header[:first], "latitude", "longitude", *header[first + 2 :]], rows)
+
+
+def _write_srt(recording: Recording, uav: int, path: Path) -> None:
+    """Write where a UAV believes its camera to be, a block for each frame."""
     frames = np.flatnonzero(recording.frames_taken[:, uav])
     poses: Array = recording.believed_cameras[frames, uav]
-    degrees, angles = recording.setting.geo.find_degrees(poses[:, :2]), find_angles(poses[:, 3:])
+    degrees, angles = recording.setting.geo.find_degrees(poses[:, :2]), find_angles(poses[:, 3:]).round(5) + 0.0
     blocks = []
     for n, k in enumerate(frames.tolist()):
         start = recording.times[k]

@@ -45,11 +45,13 @@ def locate(folder: Path, geo: Geo, logs: Mapping[int, FoundLog]) -> tuple[Geo, l
     return geo, list(filter(None, [tell_origin(geo)]))
 
 
-def _count_since_1970(folder: Path) -> bool:
+def _count_since_1970(folder: Path, geo: Geo) -> bool:
     """True if times of frames are since 1970, not since the start of a video or log."""
     for name in ("detections.csv", "images.csv"):
         if (folder / name).exists():
-            row = next(read_csv(folder / name, name, ("time_s",), spares=KNOWN[name.removesuffix(".csv")]), None)
+            row = next(
+                read_csv(folder / name, name, ("time_s",), spares=KNOWN[name.removesuffix(".csv")], geo=geo), None
+            )
             return row is not None and row.time("time_s") > _YEARS
     listed = folder / "images.json"
     found = re.search(r'"time_s"\s*:\s*([\d.eE+]+)', read_text(listed, "detections")) if listed.exists() else None
@@ -88,7 +90,7 @@ def read_logs(
         names = ", ".join(one.path.name for one in logs.values())
         hint = "a UAV has one log, and uav1.SRT is of UAV 1"
         raise InputError(f"FLIGHT: {folder}: logs are {names}, but no camera of {list_numbers('UAV', odd)}; {hint}")
-    since_1970 = _count_since_1970(folder)
+    since_1970 = _count_since_1970(folder, geo)
     made = {i: make_poses(one, cameras[i], geo, since_1970=since_1970) for i, one in logs.items()}
     told += [remark for _, remarks in made.values() for remark in remarks]
     turned = {i: camera._replace(axes="") for i, camera in cameras.items()}

@@ -240,7 +240,8 @@ def find_map_origin(path: Path, field: str, geo: Geo) -> tuple[float, float] | N
     Wrong tables have none, either: an error tells of them when they are read.
     """
     columns = ("x", "y") if geo.epsg else ("longitude", "latitude")
-    spares = {**_MAP, "x_m": "x", "y_m": "y", "easting": "x", "northing": "y", "gx": "x", "gy": "y"}
+    projected = {"x_m": "x", "y_m": "y", "easting": "x", "northing": "y", "gx": "x", "gy": "y"}
+    spares = projected if geo.epsg else _MAP
     found = []
     try:
         for row in read_csv(path, field, columns, spares=spares):
