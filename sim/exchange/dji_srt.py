@@ -3,7 +3,6 @@
 import csv
 import math
 import re
-from collections.abc import Mapping
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -14,18 +13,17 @@ from sim.exchange.values import DroneLog, find_angles
 from sim.mission.recording import Recording
 from sim.scenario.text_files import read_text
 from tracking.errors import InputError, spell
-from tracking.numerics.arrays import Array
 
 _BLOCK = re.compile(r"(?m)^\s*\d+\s*\n(?=\s*\d+:\d\d:\d\d[,.]\d+\s*-->|\s*\d{4}[-.]\d)")
-_CUE = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{1,3})\s*-->\s*(\d+):(\d\d):(\d\d)[,.](\d{1,3})")
+_CUE = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{1,3})")
 _DATE = re.compile(r"(\d{4})[-.](\d{1,2})[-.](\d{1,2}) (\d\d):(\d\d):(\d\d)(?:[.,](\d{1,3}))?")
-_PAIR = re.compile(r"([A-Za-z][A-Za-z_.0-9]*)\s*:\s*(-?\d+\.?\d*)(?=[^\d.])")  # a number that is not cut off
+_PAIR = re.compile(r"([A-Za-z]\w*)\s*:\s*(-?\d+\.?\d*)(?=[^\d.])")  # with a number that is not cut off
 _GPS = re.compile(r"GPS\s*\(\s*(-?[\d.]+)\s*,\s*(-?[\d.]+)\s*,\s*-?[\d.]+\s*(M?)\s*\)")
 _PITCH_ROLL_YAW = re.compile(r"G\.PRY\s*\(\s*(-?[\d.]+)\D*?,\s*(-?[\d.]+)\D*?,\s*(-?[\d.]+)\D*?\)")
 _HEIGHT = re.compile(r"\bH\s+(-?[\d.]+)\s*m\b")
-_ABOVE_START = ("rel_alt", "barometer", "hb", "hs")
-_ABOVE_SEA = ("abs_alt", "altitude")
-_ANGLES = (("gb_yaw", "gimbal_yaw"), ("gb_pitch", "gimbal_pitch"), ("gb_roll", "gimbal_roll"))
+# Beginnings of the keys of a row: place, misspelt by some models; angles; heights above the start, and above the sea.
+_KEYS = ("lat", "lon", r"(gb|gimbal)_yaw", r"(gb|gimbal)_pitch", r"(gb|gimbal)_roll")
+_KEYS = (*_KEYS, "rel_alt|barometer|h[bs]$", "abs_alt|altitude")
 _HUNDREDFOLD, _TENFOLD = 1000.0, 100.0  # least focal lengths, without a decimal point, of hundredths and tenths of mm
 
 
@@ -33,95 +31,70 @@ def read_srt(path: Path) -> DroneLog:
     """DJI's subtitles, with times of the video; a block that is broken, or has no fix, is left out."""
     text = read_text(path, "log").replace("\r\n", "\n")
     blocks = [block for block in _BLOCK.split(text)[1:] if block.strip()]
-    rows, heights, focal, epochs, ends = [], [], list[float](), list[float](), list[float]()
+    rows, ends = [], [0.0]
     for block in blocks:
-        time, stamp = _read_times(block, ends)
-        values = {name.lower(): number for name, number in _PAIR.findall(block)}
-        place = _read_place(block, values)
-        if math.isnan(time + place[0] + place[1]):
-            continue
-        epochs += [stamp - time] * (not math.isnan(stamp))
-        rows.append([time, *place, *_read_angles(block, values)])
-        heights.append(_read_heights(block, values))
-        focal += [_read_focal(text) for name, text in values.items() if name == "focal_len"]
+        cues = [3600 * int(h) + 60 * int(m) + int(s) + float(f"0.{f}") for h, m, s, f in _CUE.findall(block)]
+        stamp = _read_date(block)
+        values = _read_values(block)
+        own = [next((n for name, n in values.items() if re.match(key, name)), math.nan) for key in _KEYS]
+        if "-->" in block:
+            ends.append(cues[1])
+        time = cues[0] if "-->" in block else stamp
+        if not math.isnan(time + own[0] + own[1]) and (own[0], own[1]) != (0.0, 0.0):
+            rows.append([time, stamp - time, values.get("focal_len", math.nan), *own])
     if not rows:
         raise InputError(f"log: {path}: has no latitude and longitude; switch on video captions, or give poses.csv")
-    table, levels = np.array(rows), np.array(heights)
-    column = 0 if np.isfinite(levels[:, 0]).any() else 1
+    times, epochs, focal, *columns = np.array(rows).T
     remarks = []
     if lost := len(blocks) - len(rows):
         remarks.append(f"log: {path}: left out: {lost} of {len(blocks)} blocks, broken or without a fix")
-    if focal and max(focal) > min(focal):
-        zoomed = f"the focal length is from {spell(min(focal))} to {spell(max(focal))} mm"
+    if np.nanmax(focal, initial=0.0) > np.nanmin(focal, initial=math.inf):
+        zoomed = f"the focal length is from {spell(np.nanmin(focal))} to {spell(np.nanmax(focal))} mm"
         remarks.append(f"log: {path}: {zoomed}; cameras.csv gives one camera for all frames")
+    above = "sea" if np.isnan(columns[5]).all() else "start"
+    filmed = len(ends) > 1
     return DroneLog(
-        times=table[:, 0],
-        places=table[:, 1:3],
-        heights=levels[:, column],
-        attitudes=table[:, 3:],
-        above=("start", "sea")[column],
-        epoch=float(np.median(epochs)) if epochs else math.nan,
-        film=(0.0, max(ends)) if ends else None,
-        focal=float(np.median(focal)) if focal else math.nan,
+        times=times if filmed else times - times[0],
+        places=np.column_stack(columns[:2]),
+        heights=columns[6 if above == "sea" else 5],
+        attitudes=np.column_stack(columns[2:5]),
+        above=above,
+        epoch=float(np.nanmedian(epochs))
+        if filmed and not np.isnan(epochs).all()
+        else math.nan
+        if filmed
+        else times[0],
+        film=(0.0, max(ends)) if filmed else None,
+        focal=math.nan if np.isnan(focal).all() else float(np.nanmedian(focal)),
         remarks=tuple(remarks),
     )
 
 
-def _read_times(block: str, ends: list[float]) -> tuple[float, float]:
-    """Time of the video [s], and that of the drone's clock since 1970, taken to be of UTC; NaN if there is none.
-
-    The end of the block is appended to `ends`. Without a time of the video, it is the drone's.
-    """
-    stamp = math.nan
-    if found := _DATE.search(block):
-        year, month, day, hour, minute, second = map(int, found.groups()[:6])
-        try:
-            whole = datetime(year, month, day, hour, minute, second, tzinfo=timezone.utc)
-        except ValueError:
-            return math.nan, math.nan
-        stamp = whole.timestamp() + float(f"0.{found[7] or 0}")
-    if not (cue := _CUE.search(block)):
-        return stamp, stamp
-    begin, end = (
-        3600 * int(h) + 60 * int(m) + int(s) + float(f"0.{f}") for h, m, s, f in (cue.groups()[:4], cue.groups()[4:])
-    )
-    ends.append(end)
-    return begin, stamp
+def _read_date(block: str) -> float:
+    """Time since 1970 [s] by the drone's clock, taken to be of UTC; NaN if there is none."""
+    if not (found := _DATE.search(block)):
+        return math.nan
+    try:
+        return datetime(*map(int, found.groups()[:6]), tzinfo=timezone.utc).timestamp() + float(f"0.{found[7] or 0}")
+    except ValueError:
+        return math.nan
 
 
-def _read_place(block: str, values: Mapping[str, str]) -> tuple[float, float]:
-    """Latitude and longitude [deg]; NaN without a fix. Keys are misspelt in places."""
-    if found := _GPS.search(block):
-        first, second = float(found[1]), float(found[2])
-        return (first, second) if found[3] else (second, first)  # with a height in M, as of Matrice, latitude is first
-    parts = [next((float(n) for name, n in values.items() if name.startswith(key)), math.nan) for key in ("lat", "lon")]
-    return (math.nan, math.nan) if parts == [0.0, 0.0] else (parts[0], parts[1])
-
-
-def _read_heights(block: str, values: Mapping[str, str]) -> list[float]:
-    """Heights [m] above the start and above the sea; NaN for those that are missing."""
-    found = [
-        next((float(values[name]) for name in names if name in values), math.nan)
-        for names in (_ABOVE_START, _ABOVE_SEA)
-    ]
-    if own := _HEIGHT.search(block):
-        found[0] = float(own[1])
-    return found
-
-
-def _read_angles(block: str, values: Mapping[str, str]) -> list[float]:
-    """Yaw, pitch and roll [deg] of the gimbal; NaN for those that are missing."""
-    if found := _PITCH_ROLL_YAW.search(block):
-        return [float(found[3]), float(found[1]), float(found[2])]
-    return [next((float(values[name]) for name in names if name in values), math.nan) for names in _ANGLES]
-
-
-def _read_focal(text: str) -> float:
-    """A focal length [mm], which models write in mm with a point, else in tenths or hundredths."""
-    value = float(text)
-    if "." in text:
-        return value
-    return value / 100 if value >= _HUNDREDFOLD else value / 10 if value >= _TENFOLD else value
+def _read_values(block: str) -> dict[str, float]:
+    """Numbers of a block by their keys in small letters; the focal length is in mm."""
+    values = {}
+    for name, text in _PAIR.findall(block):
+        values[name.lower()] = value = float(text)
+        if name == "focal_len" and "." not in text:
+            values[name] = value / (100 if value >= _HUNDREDFOLD else 10 if value >= _TENFOLD else 1)
+    if gps := _GPS.search(block):
+        # With a height in M, as of Matrice, latitude is first.
+        values["lat"], values["lon"] = (float(gps[n]) for n in ((1, 2) if gps[3] else (2, 1)))
+    if height := _HEIGHT.search(block):
+        values["rel_alt"] = float(height[1])
+    if angles := _PITCH_ROLL_YAW.search(block):
+        values |= zip(("gb_pitch", "gb_roll", "gb_yaw"), map(float, angles.groups()), strict=True)
+    return values
 
 
 def write_srt_flight(recording: Recording, folder: Path) -> None:
@@ -144,18 +117,18 @@ def write_srt_flight(recording: Recording, folder: Path) -> None:
 def _write_srt(recording: Recording, uav: int, path: Path) -> None:
     """Write where a UAV believes its camera to be, a block for each frame."""
     frames = np.flatnonzero(recording.frames_taken[:, uav])
-    poses: Array = recording.believed_cameras[frames, uav]
+    poses = recording.believed_cameras[frames, uav]
     degrees, angles = recording.setting.geo.find_degrees(poses[:, :2]), find_angles(poses[:, 3:]).round(5) + 0.0
-    blocks = []
-    for n, k in enumerate(frames.tolist()):
-        start = recording.times[k]
-        end = recording.times[frames[n + 1]] if n + 1 < len(frames) else start + 1 / recording.setting.rates.sensing
-        (latitude, longitude), (yaw, pitch, roll) = degrees[n], angles[n]
-        blocks.append(
-            f"{n + 1}\n{_spell_cue(start)} --> {_spell_cue(end)}\n"
-            f"[latitude: {latitude:.9f}] [longitude: {longitude:.9f}] [rel_alt: {poses[n, 2]:.4f}] "
-            f"[gb_yaw: {yaw:.5f} gb_pitch: {pitch:.5f} gb_roll: {roll:.5f}]\n\n"
+    starts = recording.times[frames].tolist()
+    ends = [*starts[1:], starts[-1] + 1 / recording.setting.rates.sensing] if starts else []
+    blocks = [
+        f"{n}\n{_spell_cue(start)} --> {_spell_cue(end)}\n"
+        f"[latitude: {latitude:.9f}] [longitude: {longitude:.9f}] [rel_alt: {pose[2]:.4f}] "
+        f"[gb_yaw: {yaw:.5f} gb_pitch: {pitch:.5f} gb_roll: {roll:.5f}]\n\n"
+        for n, (start, end, pose, (latitude, longitude), (yaw, pitch, roll)) in enumerate(
+            zip(starts, ends, poses, degrees, angles, strict=True), 1
         )
+    ]
     path.write_text("".join(blocks), encoding="utf-8")
 
 

@@ -8,9 +8,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from sim.exchange.csv_files import has_quaternions, read_cameras, read_detections, read_poses
-from sim.exchange.drone_log import find_logs
 from sim.exchange.flight_doubts import find_doubts, turn
-from sim.exchange.flight_logs import TRUTHS, VIDEOS, find_videos, locate, read_logs
+from sim.exchange.flight_logs import TRUTHS, VIDEOS, find_logs, find_videos, locate, read_logs
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
 from sim.exchange.people_selection import Selection, select_people

@@ -77,6 +77,12 @@ class DroneLog(NamedTuple):
     remarks: tuple[str, ...] = ()  # on what was read
 
 
+def turn_at(times: Array, own: Array, quaternions: Array) -> Array:
+    """Quaternions (N, 4) at times (N,) s, interpolated between those (P, 4) at their own times (P,) s."""
+    known, first = np.unique(own, return_index=True)
+    return PoseLog(known, np.hstack([np.zeros((len(known), 3)), quaternions[first]])).at(times)[:, 3:]
+
+
 def find_attitudes(angles: Array) -> Array:
     """Attitudes (N, 4) of images by yaw, pitch and roll (N, 3) deg of a gimbal.
 

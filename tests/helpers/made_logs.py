@@ -3,15 +3,16 @@
 import struct
 
 ULOG = {
-    "vehicle_local_position": "uint64_t timestamp;double ref_lat;double ref_lon;float x;float y;float z;bool xy_global;",
+    "vehicle_local_position": (
+        "uint64_t timestamp;double ref_lat;double ref_lon;float x;float y;float z;bool xy_global;"
+    ),
     "vehicle_global_position": "uint64_t timestamp;double lat;double lon;float alt;",
     "vehicle_attitude": "uint64_t timestamp;float[4] q;",
     "vehicle_gps_position": "uint64_t timestamp;uint64_t time_utc_usec;",
     "home_position": "uint64_t timestamp;float z;",
     "gimbal_device_attitude_status": "uint64_t timestamp;float[4] q;uint16_t device_flags;",
-    "mount_orientation": "uint64_t timestamp;float[3] attitude_euler_angle;",
 }
-CODES = {"uint64_t": "Q", "double": "d", "float": "f", "bool": "?", "uint16_t": "H", "float[4]": "4f", "float[3]": "3f"}
+CODES = {"uint64_t": "Q", "double": "d", "float": "f", "bool": "?", "uint16_t": "H", "float[4]": "4f"}
 
 
 def make_ulog(topics):
