@@ -36,6 +36,7 @@ def read_air_data(path: Path) -> DroneLog:
         epoch = float((stamps - times[stamped]).max())
     filmed = times[_read(rows, "isvideo") > 0]
     return DroneLog(
+        path=path,
         times=times,
         places=np.column_stack([_read(rows, "latitude"), _read(rows, "longitude")]),
         heights=heights,

@@ -35,7 +35,7 @@ def read_ardupilot(path: Path) -> DroneLog:
         yaw = np.where(np.isnan(mount[:, 1]), mount[:, 4] + ahead, mount[:, 1])  # from north, or else from the body's
         parts = (np.unwrap(yaw, period=360), mount[:, 2], mount[:, 3])
         attitudes = np.column_stack([np.interp(times, mount[:, 0], part) for part in parts])
-    return DroneLog(times, np.column_stack([latitudes, longitudes]), heights, attitudes, above, epoch=epoch)
+    return DroneLog(path, times, np.column_stack([latitudes, longitudes]), heights, attitudes, above, epoch=epoch)
 
 
 def _read_messages(path: Path) -> tuple[dict[str, Array], float]:

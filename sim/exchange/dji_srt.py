@@ -1,18 +1,16 @@
 """Subtitles in which DJI's drones log their flight, in the dialects of many models."""
 
-import csv
 import math
 import re
-from datetime import datetime, timezone
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
-from sim.exchange.csv_files import write_csv, write_table
-from sim.exchange.values import DroneLog, find_angles
-from sim.mission.recording import Recording
+from sim.exchange.values import DroneLog
 from sim.scenario.text_files import read_text
 from tracking.errors import InputError, spell
+from tracking.numerics.arrays import Array
 
 _BLOCK = re.compile(r"(?m)^\s*\d+\s*\n(?=\s*\d+:\d\d:\d\d[,.]\d+\s*-->|\s*\d{4}[-.]\d)")
 _CUE = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{1,3})")
@@ -22,8 +20,10 @@ _GPS = re.compile(r"GPS\s*\(\s*(-?[\d.]+)\s*,\s*(-?[\d.]+)\s*,\s*-?[\d.]+\s*(M?)
 _PITCH_ROLL_YAW = re.compile(r"G\.PRY\s*\(\s*(-?[\d.]+)\D*?,\s*(-?[\d.]+)\D*?,\s*(-?[\d.]+)\D*?\)")
 _HEIGHT = re.compile(r"\bH\s+(-?[\d.]+)\s*m\b")
 # Beginnings of the keys of a row: place, misspelt by some models; angles; heights above the start, and above the sea.
-_KEYS = ("lat", "lon", r"(gb|gimbal)_yaw", r"(gb|gimbal)_pitch", r"(gb|gimbal)_roll")
-_KEYS = (*_KEYS, "rel_alt|barometer|h[bs]$", "abs_alt|altitude")
+_KEYS = (
+    *("lat", "lon", "(gb|gimbal)_yaw", "(gb|gimbal)_pitch", "(gb|gimbal)_roll"),
+    *("rel_alt|barometer|h[bs]$", "abs_alt|altitude"),
+)
 _HUNDREDFOLD, _TENFOLD = 1000.0, 100.0  # least focal lengths, without a decimal point, of hundredths and tenths of mm
 
 
@@ -54,6 +54,7 @@ def read_srt(path: Path) -> DroneLog:
     above = "sea" if np.isnan(columns[5]).all() else "start"
     filmed = len(ends) > 1
     return DroneLog(
+        path=path,
         times=times if filmed else times - times[0],
         places=np.column_stack(columns[:2]),
         heights=columns[6 if above == "sea" else 5],
@@ -65,9 +66,13 @@ def read_srt(path: Path) -> DroneLog:
         if filmed
         else times[0],
         film=(0.0, max(ends)) if filmed else None,
-        focal=math.nan if np.isnan(focal).all() else float(np.nanmedian(focal)),
+        focal=_find_median(focal),
         remarks=tuple(remarks),
     )
+
+
+def _find_median(values: Array) -> float:
+    return math.nan if np.isnan(values).all() else float(np.nanmedian(values))
 
 
 def _read_date(block: str) -> float:
@@ -75,7 +80,8 @@ def _read_date(block: str) -> float:
     if not (found := _DATE.search(block)):
         return math.nan
     try:
-        return datetime(*map(int, found.groups()[:6]), tzinfo=timezone.utc).timestamp() + float(f"0.{found[7] or 0}")
+        whole = datetime.strptime(" ".join(found.groups()[:6]) + " +0000", "%Y %m %d %H %M %S %z")
+        return whole.timestamp() + float(f"0.{found[7] or 0}")
     except ValueError:
         return math.nan
 
@@ -95,43 +101,3 @@ def _read_values(block: str) -> dict[str, float]:
     if angles := _PITCH_ROLL_YAW.search(block):
         values |= zip(("gb_pitch", "gb_roll", "gb_yaw"), map(float, angles.groups()), strict=True)
     return values
-
-
-def write_srt_flight(recording: Recording, folder: Path) -> None:
-    """The files of a flight as `write_csv` has them, but with latitude and longitude, and subtitles for poses."""
-    write_csv(recording, folder)
-    (folder / "poses.csv").unlink()
-    for uav in range(recording.uav_count):
-        _write_srt(recording, uav, folder / f"uav{uav}.srt")
-    for path in (folder / f"{name}.csv" for name in ("detections", "trees", "truth")):
-        if path.exists():
-            header, *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
-            first = header.index("x_m")
-            placed = [row for row in rows if row[first]]
-            places = np.array([row[first : first + 2] for row in placed], dtype=float).reshape(-1, 2)
-            for row, place in zip(placed, recording.setting.geo.find_degrees(places).tolist(), strict=True):
-                row[first : first + 2] = map(repr, place)
-            write_table(path, [*header[:first], "latitude", "longitude", *header[first + 2 :]], rows)
-
-
-def _write_srt(recording: Recording, uav: int, path: Path) -> None:
-    """Write where a UAV believes its camera to be, a block for each frame."""
-    frames = np.flatnonzero(recording.frames_taken[:, uav])
-    poses = recording.believed_cameras[frames, uav]
-    degrees, angles = recording.setting.geo.find_degrees(poses[:, :2]), find_angles(poses[:, 3:]).round(5) + 0.0
-    starts = recording.times[frames].tolist()
-    ends = [*starts[1:], starts[-1] + 1 / recording.setting.rates.sensing] if starts else []
-    blocks = [
-        f"{n}\n{_spell_cue(start)} --> {_spell_cue(end)}\n"
-        f"[latitude: {latitude:.9f}] [longitude: {longitude:.9f}] [rel_alt: {pose[2]:.4f}] "
-        f"[gb_yaw: {yaw:.5f} gb_pitch: {pitch:.5f} gb_roll: {roll:.5f}]\n\n"
-        for n, (start, end, pose, (latitude, longitude), (yaw, pitch, roll)) in enumerate(
-            zip(starts, ends, poses, degrees, angles, strict=True), 1
-        )
-    ]
-    path.write_text("".join(blocks), encoding="utf-8")
-
-
-def _spell_cue(time: float) -> str:
-    whole, parts = divmod(round(1000 * time), 1000)
-    return f"{whole // 3600:02d}:{whole // 60 % 60:02d}:{whole % 60:02d},{parts:03d}"

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from sim.exchange.csv_files import write_csv
-from sim.exchange.dji_srt import write_srt_flight
 from sim.exchange.geojson import write_geojson
 from sim.exchange.image_labels import write_coco, write_yolo
 from sim.exchange.mot import write_mot
@@ -28,7 +27,6 @@ EXPORTS: dict[str, Callable[[Recording, Path], None]] = {
     "parquet": write_tables,
     "rosbag": write_rosbag,
     "geojson": write_geojson,
-    "srt": write_srt_flight,
 }
 # What writes the labels of images.
 LABELS: dict[str, Callable[[Iterable[LabelledImage], Path], None]] = {"coco": write_coco, "yolo": write_yolo}
@@ -41,9 +39,9 @@ def export(recording: Recording, target: str, out: Path, *, truth: bool = True, 
     bag only: truth: False to leave out what UAVs do not know; images: "jpeg", the default, or "png".
     """
     check_known("--to", target, EXPORTS)
-    if target in ("geojson", "srt") and recording.setting.geo.origin is None:
+    if target == "geojson" and recording.setting.geo.origin is None:
         where = "--set geo.origin=[latitude,longitude] when it is flown or tracked gives one"
-        raise InputError(f"--to: {target} needs a place on the map, which this recording has not; {where}")
+        raise InputError(f"--to: geojson needs a place on the map, which this recording has not; {where}")
     with make_new_folder(out) as folder:
         if target == "rosbag":
             write_rosbag(recording, folder, truth=truth, images=images or "jpeg")

@@ -23,8 +23,6 @@ _AXES = {
     "optical": (np.eye(3), np.diag([1.0, -1.0, -1.0])),  # x right, y down, z ahead, as of ROS, COLMAP and TUM
     "flu": (np.eye(3), np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])),  # body: x ahead, y left, z up
     "frd": (np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])),
-    # A body, or gimbal, whose camera looks ahead.
-    "frd-ahead": (np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.array([[0.0, 0, -1], [1, 0, 0], [0, -1, 0]])),
 }  # frd: body of PX4 to north-east-down; cameras of bodies look down, ahead is at the top of images
 _WORDS = {
     "optical": "of optical axes, z ahead",

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -14,15 +13,7 @@ from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
 from sim.exchange.people_selection import Selection, select_people
 from sim.exchange.ros_flight import BagFlight, find_bag, read_bag
-from sim.exchange.values import (
-    CameraFrames,
-    LoggedCamera,
-    LoggedFlight,
-    LoggedFrame,
-    LoggedUav,
-    PoseLog,
-    find_gap,
-)
+from sim.exchange.values import CameraFrames, LoggedCamera, LoggedFlight, LoggedFrame, LoggedUav, PoseLog, find_gap
 from sim.scenario.environment import Trees
 from sim.scenario.geo import FARTHEST, Geo
 from sim.world.stem_map import StemMap, read_stem_map
@@ -73,7 +64,7 @@ def read_files(
         expected = "expected one with poses.csv and detections.csv, or a bag of ROS 2"
         raise InputError(f"FLIGHT: {folder} is not a folder; {expected}")
     read, unused = _choose_format(folder)
-    cameras, poses, seen, geo, told = _read_parts(folder, geo, detected=read is not None)
+    (cameras, poses, seen, told), geo = _read_parts(folder, geo, detected=read is not None)
     if geo.origin and origin != (0.0, 0.0):
         raise InputError("--origin: not allowed for places on the map; --set geo.origin=[latitude,longitude] is theirs")
     known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
@@ -113,45 +104,27 @@ def read_files(
     return flight
 
 
-class _Parts(NamedTuple):
-    """Cameras, poses and maybe frames of a flight by UAV, where the map is, and remarks."""
-
-    cameras: dict[int, LoggedCamera]
-    poses: dict[int, PoseLog]
-    frames: dict[int, CameraFrames]  # empty unless a bag has them
-    geo: Geo
-    remarks: list[str]
-
-
-def _read_parts(folder: Path, geo: Geo, *, detected: bool) -> _Parts:
+def _read_parts(folder: Path, geo: Geo, *, detected: bool) -> tuple[BagFlight, Geo]:
     """Cameras and poses, from tables, logs or a bag, which also gives frames unless these are `detected`."""
-    cameras_file, poses_file = folder / "cameras.csv", folder / "poses.csv"
-    logs, told = find_logs(folder), list[str]()
-    if logs and poses_file.exists():
+    cameras_file, poses_file, unused = folder / "cameras.csv", folder / "poses.csv", list[str]()
+    if (logs := find_logs(folder)) and poses_file.exists():
         names = ", ".join(one.path.name for one in logs.values())
-        logs, told = {}, [f"logs: not used: {names}, as there is poses.csv"]
-    geo, located = locate(folder, geo, logs)
-    told = located + told
+        logs, unused = {}, [f"logs: not used: {names}, as there is poses.csv"]
+    geo, told = locate(folder, geo, logs)
     if logs:
-        cameras = read_cameras(cameras_file) if cameras_file.exists() else {}
-        cameras, poses, remarks = read_logs(folder, logs, cameras, geo)
-        return _Parts(cameras, poses, {}, geo, told + remarks)
+        given = read_cameras(cameras_file) if cameras_file.exists() else {}
+        cameras, poses, remarks = read_logs(folder, logs, given, geo)
+        return BagFlight(cameras, poses, {}, told + remarks), geo
     there = {"cameras": cameras_file.exists(), "poses": poses_file.exists(), "detections": detected}
     lacking = [part for part, found in there.items() if not found]
     logged = find_bag(folder) if lacking else None
     bag = read_bag(logged, lacking) if logged else BagFlight({}, {}, {}, [])
     cameras = bag.cameras or read_cameras(cameras_file)
     if bag.poses or not has_quaternions(poses_file):
-        told += _tell_axes(cameras.values(), "a bag has its own" if bag.poses else "it has none")
+        unused += _tell_axes(cameras.values(), "a bag has its own" if bag.poses else "it has none")
         cameras = {i: camera._replace(axes="") for i, camera in cameras.items()}
-    poses = bag.poses or _turn(_shift_poses(read_poses(poses_file, geo), cameras), cameras)
-    return _Parts(cameras, poses, bag.frames, geo, [*told, *bag.remarks])
-
-
-def _shift_poses(poses: Mapping[int, PoseLog], cameras: Mapping[int, LoggedCamera]) -> dict[int, PoseLog]:
-    """The poses with times of frames."""
-    offsets = {i: cameras[i].given.get("pose_offset_s", 0.0) if i in cameras else 0.0 for i in poses}
-    return {i: PoseLog(_delay(log.times, offsets[i]), log.rows) for i, log in poses.items()}
+    poses = bag.poses or _turn(read_poses(poses_file, geo), cameras)
+    return BagFlight(cameras, poses, bag.frames, [*told, *unused, *bag.remarks]), geo
 
 
 def _choose_format(folder: Path) -> tuple[_Read | None, list[str]]:
@@ -178,11 +151,12 @@ def _tell_spans(uavs: Sequence[LoggedUav]) -> list[str]:
 
 
 def _turn(poses: Mapping[int, PoseLog], cameras: Mapping[int, LoggedCamera]) -> dict[int, PoseLog]:
-    """The poses with attitudes of images."""
+    """The poses with attitudes of images, at times of frames."""
     turned = {}
     for i, log in poses.items():
-        axes = cameras[i].axes if i in cameras else "image"
-        turned[i] = PoseLog(log.times, np.hstack([log.rows[:, :3], turn(log.rows[:, 3:], axes)]))
+        axes, given = (cameras[i].axes, cameras[i].given) if i in cameras else ("image", {})
+        times = _delay(log.times, given.get("pose_offset_s", 0.0))
+        turned[i] = PoseLog(times, np.hstack([log.rows[:, :3], turn(log.rows[:, 3:], axes)]))
     return turned
 
 
@@ -193,9 +167,8 @@ def _read_trees(folder: Path, trees: Trees, geo: Geo) -> StemMap:
 
 def _find_labels(folder: Path, found: Mapping[int, CameraFrames]) -> Path | None:
     """The file of the people: one of `TRUTHS`, or else that of the first sequence of MOTChallenge with people."""
-    for table in (folder / name for name in TRUTHS):
-        if table.exists():
-            return table
+    if tables := [folder / name for name in TRUTHS if (folder / name).exists()]:
+        return tables[0]
     sequences = find_sequences(folder).items()
     return next((path / "gt" / "gt.txt" for uav, path in sequences if uav in found and found[uav].people), None)
 

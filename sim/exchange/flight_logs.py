@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -57,15 +56,7 @@ _TAKEN = {
 }
 
 
-class FoundLog(NamedTuple):
-    """A log of a flight, and where it was found."""
-
-    path: Path
-    format: str
-    log: DroneLog
-
-
-def find_logs(folder: Path) -> dict[int, FoundLog]:
+def find_logs(folder: Path) -> dict[int, DroneLog]:
     """The logs in a folder by UAV, by names such as uav1.SRT, else in order of names; InputError for unread ones."""
     found = {}
     for path in sorted(folder.iterdir()) if folder.is_dir() else ():
@@ -75,10 +66,11 @@ def find_logs(folder: Path) -> dict[int, FoundLog]:
             head = file.read(_HEAD)
         for name, (first, read) in _FORMATS.items():
             if re.match(first, head):
-                found[path] = FoundLog(path, name, read(path))
+                found[path] = read(path)._replace(format=name)
                 break
         named = path.name.lower().encode() + b"\n"
-        if path not in found and (told := [what for key, what in _REFUSED.items() if re.match(key, head or named)]):
+        told = [what for key, what in _REFUSED.items() if re.match(key, head) or re.match(key, named)]
+        if told and path not in found:
             raise InputError(f"FLIGHT: {path} is {told[0]}")
     return {i: found[path] for i, path in _number(found).items()}
 
@@ -100,11 +92,9 @@ def _number(paths: Iterable[Path]) -> dict[int, Path]:
     return found
 
 
-def locate(folder: Path, geo: Geo, logs: Mapping[int, FoundLog]) -> tuple[Geo, list[str]]:
+def locate(folder: Path, geo: Geo, logs: Mapping[int, DroneLog]) -> tuple[Geo, list[str]]:
     """The map with its origin, by default in the middle of the first file with places on it, and a remark on it."""
-    found = [
-        (one.path.name, find_middle(*_find_fixes(one.log).T)) for one in logs.values() if len(_find_fixes(one.log))
-    ]
+    found = [(one.path.name, find_middle(*_find_fixes(one).T)) for one in logs.values() if len(_find_fixes(one))]
     names = [] if geo.origin or found else ["poses.csv", "trees.csv", "detections.csv", *TRUTHS]
     there = [name for name in names if (folder / name).exists()]
     found += [(name, origin) for name in there if (origin := find_map_origin(folder / name, name, geo))]
@@ -117,11 +107,11 @@ def locate(folder: Path, geo: Geo, logs: Mapping[int, FoundLog]) -> tuple[Geo, l
 def _find_fixes(log: DroneLog) -> Array:
     """Latitudes and longitudes (N, 2) deg of a log on the map; none are 0, 0."""
     fixed = np.isfinite(log.places).all(axis=1) & (log.places != 0).any(axis=1) & (np.abs(log.places[:, 0]) < 90)
-    return log.places[fixed & log.on_map]
+    return np.asarray(log.places[fixed & log.on_map])
 
 
 def read_logs(
-    folder: Path, logs: Mapping[int, FoundLog], cameras: dict[int, LoggedCamera], geo: Geo
+    folder: Path, logs: Mapping[int, DroneLog], cameras: dict[int, LoggedCamera], geo: Geo
 ) -> tuple[dict[int, LoggedCamera], dict[int, PoseLog], list[str]]:
     """Cameras and poses by UAV, and remarks; cameras are empty if there is no `cameras.csv`."""
     told = list[str]()
@@ -140,7 +130,7 @@ def read_logs(
 
 
 def _check_videos(
-    videos: Mapping[int, Path], logs: Mapping[int, FoundLog], cameras: Mapping[int, LoggedCamera]
+    videos: Mapping[int, Path], logs: Mapping[int, DroneLog], cameras: Mapping[int, LoggedCamera]
 ) -> dict[int, tuple[int, int]]:
     """Width and height of each video's images; InputError if one is not as long as its log, which has no offset."""
     from sim.exchange.images import measure_video  # here, as only images need OpenCV
@@ -148,7 +138,7 @@ def _check_videos(
     sizes = {}
     for i, path in videos.items():
         length, sizes[i] = measure_video(path)
-        film = logs[i].log.film if i in logs else None
+        film = logs[i].film if i in logs else None
         if not film or not length or (i in cameras and "pose_offset_s" in cameras[i].given):
             continue
         if abs(length - (film[1] - film[0])) > max(_SHORT, _SHORT_SHARE * length):
@@ -159,19 +149,19 @@ def _check_videos(
 
 
 def _guess_cameras(
-    logs: Mapping[int, FoundLog], sizes: Mapping[int, tuple[int, int]], file: Path
+    logs: Mapping[int, DroneLog], sizes: Mapping[int, tuple[int, int]], file: Path
 ) -> tuple[dict[int, LoggedCamera], list[str]]:
     """Cameras by the focal lengths that logs tell, for the images of videos; InputError if a log tells none."""
     cameras, told = {}, []
     for i, one in logs.items():
-        if math.isnan(one.log.focal) or i not in sizes:
+        if math.isnan(one.focal) or i not in sizes:
             asked = "give it with the columns uav,hfov_deg,width_px,height_px: angle of view and size of images"
             lacks = f"{file} is missing, and {one.path.name} tells no focal length of a video"
             raise InputError(f"cameras: {lacks}; {asked}")
-        hfov = round(math.degrees(2 * math.atan(_FILM / 2 / one.log.focal)), 2)
+        hfov = round(math.degrees(2 * math.atan(_FILM / 2 / one.focal)), 2)
         view = {"width": sizes[i][0], "height": sizes[i][1], "hfov_deg": hfov}
         cameras[i] = make_calibrated_camera(read_settings(view, CameraSettings))
-        focal = f"{spell(one.log.focal, 4)} mm in {one.path.name}, as of 35 mm film and a sensor of 4:3"
+        focal = f"{spell(one.focal, 4)} mm in {one.path.name}, as of 35 mm film and a sensor of 4:3"
         told.append(f"cameras: UAV {i} sees {hfov:.1f} deg across, by {focal}; cameras.csv gives what was calibrated")
     return cameras, told
 
@@ -185,12 +175,12 @@ def _count_since_1970(folder: Path, geo: Geo) -> bool:
     return False
 
 
-def _make_poses(found: FoundLog, camera: LoggedCamera, geo: Geo, *, since_1970: bool) -> tuple[PoseLog, list[str]]:
+def _make_poses(log: DroneLog, camera: LoggedCamera, geo: Geo, *, since_1970: bool) -> tuple[PoseLog, list[str]]:
     """Poses of the camera of a log, and remarks on what is taken for granted; InputError says what it lacks.
 
     since_1970: True if the times of frames are.
     """
-    log, where = found.log, f"log: {found.path}"
+    where = f"log: {log.path}"
     heights, above = _find_heights(log, camera.given, geo, where)
     quaternions, looks = _find_attitudes(log, camera, where)
     fixed = np.isfinite(log.places).all(axis=1) & ((log.places != 0).any(axis=1) | (not log.on_map))
@@ -199,14 +189,14 @@ def _make_poses(found: FoundLog, camera: LoggedCamera, geo: Geo, *, since_1970: 
     if not kept.any():
         raise InputError(f"{where}: has no place with a time, a height and an attitude")
     times, clock, offset = log.times[kept], "", camera.given.get("pose_offset_s", 0.0)
-    told = [f"{where}: {found.format}, {len(times)} poses from {spell(times[0])} to {spell(times[-1])} s", *log.remarks]
+    told = [f"{where}: {log.format}, {len(times)} poses from {spell(times[0])} to {spell(times[-1])} s", *log.remarks]
     if lost := len(kept) - len(times):
         told.append(f"{where}: left out: {lost} of {len(kept)} rows, without a place or a time of their own")
     if since_1970:
         if math.isnan(log.epoch):
             raise InputError(f"{where}: tells no date; count the times of frames from its start")
         offset += log.epoch
-        clock = "its clock is taken to be of UTC; pose_offset_s in cameras.csv says otherwise" * ("SRT" in found.format)
+        clock = "its clock is taken to be of UTC; pose_offset_s in cameras.csv says otherwise" * ("SRT" in log.format)
     elif log.film and log.film[0]:
         offset -= log.film[0]
         clock = f"its video begins at {spell(log.film[0])} s; times of frames count from there"

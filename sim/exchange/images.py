@@ -2,14 +2,13 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import av
 import cv2
 import numpy as np
-from av.container import InputContainer
 from numpy.typing import NDArray
 
 from sim.exchange.csv_files import KNOWN, read_uav
@@ -29,13 +28,7 @@ VIDEO_RATE = 5  # frames of a second of a video that are used
 _EARLY = 0.1  # of the time between these, by which one may be early
 
 
-class _Shot(NamedTuple):
-    """An image that a UAV took at a time [s]."""
-
-    uav: int
-    time: float
-    where: str  # file, and line or time in it
-    image: NDArray[Any]
+_Shots = Iterable[tuple[int, float, str, NDArray[Any]]]  # UAVs, times [s], files and places in them, and images
 
 
 def detect_in_images(path: Path, name: str, uavs: Mapping[int, LoggedUav], forest: Forest) -> dict[int, CameraFrames]:
@@ -55,6 +48,7 @@ def detect_in_videos(
     """Frames of the video of each UAV, `VIDEO_RATE` of them in a second, by the detector `name`."""
     found: dict[int, CameraFrames] = {}
     for uav, path in paths.items():
+        measure_video(path)
         found |= _detect(_list_frames(uav, path), name, uavs, forest)
         told = f"video: {path}: {len(found[uav].frames)} frames, {VIDEO_RATE} in a second, are used"
         found[uav] = found[uav]._replace(remarks=(*found[uav].remarks, told))
@@ -62,41 +56,35 @@ def detect_in_videos(
 
 
 def measure_video(path: Path) -> tuple[float, tuple[int, int]]:
-    """Length [s] of a video, and the width and height of its images."""
-    with _open(path) as video:
-        stream = video.streams.video[0]
-        return float((stream.duration or 0) * (stream.time_base or 0)), (stream.width, stream.height)
-
-
-def _open(path: Path) -> InputContainer:
+    """Length [s] of a video, and the width and height of its images; InputError if it is none."""
     try:
-        return av.open(str(path))
-    except (av.FFmpegError, OSError) as error:
+        with av.open(str(path)) as video:
+            stream = video.streams.video[0]
+            return float((stream.duration or 0) * (stream.time_base or 0)), (stream.width, stream.height)
+    except (av.FFmpegError, OSError, IndexError) as error:
         raise InputError(f"video: {path}: is no video that can be read: {one_line(error)}") from error
 
 
-def _list_frames(uav: int, path: Path) -> Iterator[_Shot]:
+def _list_frames(uav: int, path: Path) -> _Shots:
     """Frames of a video at the times of scans, by its own clock."""
     due = 0
-    with _open(path) as video:
+    with av.open(str(path)) as video:
         for frame in video.decode(video=0):
             if frame.time is not None and frame.time * VIDEO_RATE >= due - _EARLY:
                 due = math.floor(frame.time * VIDEO_RATE + _EARLY) + 1
-                yield _Shot(uav, frame.time, f"video: {path}, {frame.time:.3f} s", frame.to_ndarray(format="rgb24"))
+                yield uav, frame.time, f"video: {path}, {frame.time:.3f} s", frame.to_ndarray(format="rgb24")
 
 
-def _list_images(path: Path, uavs: Mapping[int, LoggedUav]) -> Iterator[_Shot]:
+def _list_images(path: Path, uavs: Mapping[int, LoggedUav]) -> _Shots:
     """Images of a table in order of time."""
     rows = read_csv(path, "images", ("time_s", "file"), spares=KNOWN["images"])
     for row in sorted(rows, key=lambda row: row.time("time_s")):
         if (uav := read_uav(row)) not in uavs:
             raise row.error("uav", f"UAV {uav} has no camera, or no poses")
-        yield _Shot(uav, row.time("time_s"), row.where, _read_image(path.parent / row.text("file"), row))
+        yield uav, row.time("time_s"), row.where, _read_image(path.parent / row.text("file"), row)
 
 
-def _detect(
-    shots: Iterable[_Shot], name: str, uavs: Mapping[int, LoggedUav], forest: Forest
-) -> dict[int, CameraFrames]:
+def _detect(shots: _Shots, name: str, uavs: Mapping[int, LoggedUav], forest: Forest) -> dict[int, CameraFrames]:
     """Frames of each UAV by the detector `name`, which gets images in their order."""
     found: defaultdict[int, list[LoggedFrame]] = defaultdict(list)
     sizes: dict[int, tuple[int, int]] = {}

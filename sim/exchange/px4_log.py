@@ -12,19 +12,17 @@ from tracking.errors import InputError, one_line
 from tracking.numerics.arrays import Array
 
 _POSITION, _GLOBAL, _BODY = "vehicle_local_position", "vehicle_global_position", "vehicle_attitude"
-_HOME, _GIMBAL = "home_position", "gimbal_device_attitude_status"
-_CLOCKS = ("vehicle_gps_position", "sensor_gps")
-_EARTH = 16 | 64  # flags of a gimbal whose yaw is from north
+_HOME, _CLOCKS = "home_position", ("vehicle_gps_position", "sensor_gps")
 
 
 def read_ulog(path: Path) -> DroneLog:
-    """A ULog: places by the estimator, heights above its origin or home, attitudes of the body, or of a gimbal."""
+    """A ULog: places by the estimator, heights above its origin or home, attitudes of the body."""
     try:
         from pyulog import ULog
     except ImportError as error:
         raise InputError("log: a ULog needs pyulog: pip install 'understory[logs]'") from error
     try:
-        log = ULog(str(path), [_POSITION, _GLOBAL, _BODY, _HOME, _GIMBAL, *_CLOCKS])
+        log = ULog(str(path), [_POSITION, _GLOBAL, _BODY, _HOME, *_CLOCKS])
     except Exception as error:  # whatever a broken file makes of it
         raise InputError(f"log: {path}: is no ULog that can be read: {one_line(error)}") from error
     # Of several topics of a name, the first counts.
@@ -43,30 +41,11 @@ def read_ulog(path: Path) -> DroneLog:
     ground = float(found[_HOME]["z"][-1]) if _HOME in found else 0.0
     fixes = [(topic["time_utc_usec"], topic["timestamp"]) for name in _CLOCKS if (topic := found.get(name))]
     epochs = [(float(utc[n]) - float(own[n])) / 1e6 for utc, own in fixes for n in np.flatnonzero(utc)[:1]]
-    return DroneLog(
-        times=times,
-        places=places,
-        heights=ground - np.asarray(local["z"], dtype=float),
-        attitudes=_read_attitudes(found, times),
-        on_map=on_map,
-        axes="frd-ahead" if _GIMBAL in found else "frd",
-        epoch=epochs[0] if epochs else math.nan,
-    )
+    body = found[_BODY]
+    turned = turn_at(times, _list_times(body), np.column_stack([body[f"q[{n}]"] for n in (1, 2, 3, 0)]))
+    heights, epoch = ground - np.asarray(local["z"], dtype=float), epochs[0] if epochs else math.nan
+    return DroneLog(path, times, places, heights, turned, on_map=on_map, axes="frd", epoch=epoch)
 
 
 def _list_times(topic: dict[str, Any]) -> Array:
     return np.asarray(topic["timestamp"], dtype=float) / 1e6
-
-
-def _read_attitudes(found: dict[str, Any], times: Array) -> Array:
-    """Quaternions (N, 4) at times (N,) s of the gimbal, or else of the body, in north-east-down."""
-    body, *gimbals = (
-        turn_at(times, _list_times(topic), np.column_stack([topic[f"q[{n}]"] for n in (1, 2, 3, 0)]))
-        for topic in (found[_BODY], *([found[_GIMBAL]] if _GIMBAL in found else []))
-    )
-    if not gimbals or int(found[_GIMBAL]["device_flags"][0]) & _EARTH:
-        return [body, *gimbals][-1]
-    x, y, z, w = body.T  # the gimbal's yaw is from the body's
-    half = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) / 2
-    c, s, (x, y, z, w) = np.cos(half), np.sin(half), gimbals[0].T
-    return np.column_stack([c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z])

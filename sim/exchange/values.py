@@ -1,7 +1,6 @@
 """Values that readers of formats give and writers take: logged flights, labelled images, and columns of a recording."""
 
 import math
-import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,6 +63,7 @@ class PoseLog(NamedTuple):
 class DroneLog(NamedTuple):
     """What a drone logged, in order of time; NaN where it lacks a value."""
 
+    path: Path
     times: Array  # (N,) s, of the log's own clock, or of its video
     places: Array  # (N, 2) deg, latitude and longitude, or m to the east and north
     heights: Array  # (N,) m
@@ -75,6 +75,7 @@ class DroneLog(NamedTuple):
     film: tuple[float, float] | None = None  # s, first and last time of its video, if the log tells it
     focal: float = math.nan  # mm, focal length of the camera as of a film 43.3 mm across the corners
     remarks: tuple[str, ...] = ()  # on what was read
+    format: str = ""
 
 
 def turn_at(times: Array, own: Array, quaternions: Array) -> Array:
@@ -91,14 +92,6 @@ def find_attitudes(angles: Array) -> Array:
     yaw, pitch, roll = np.radians(angles).T
     turns = np.column_stack([-yaw, math.pi / 2 + pitch, -roll])
     return np.asarray(Rotation.from_euler("ZXZ", turns).as_quat())
-
-
-def find_angles(quaternions: Array) -> Array:
-    """Yaw, pitch and roll (N, 3) deg of a gimbal, of attitudes (N, 4) of images; straight down, roll is zero."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of straight down
-        first, second, third = Rotation.from_quat(quaternions).as_euler("ZXZ").T
-    return np.asarray(np.degrees(np.column_stack([-first, second - math.pi / 2, -third])))
 
 
 class LoggedDetection(NamedTuple):

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.made_logs import make_dataflash, make_ulog
+from helpers.made_logs import find_angles, make_dataflash, make_ulog
 from scipy.spatial.transform import Rotation
 
-from sim.exchange.flight_doubts import turn
 from sim.exchange.flight_logs import find_logs
 from sim.exchange.scanned_flight import read_flight
-from sim.exchange.values import find_angles, find_attitudes
+from sim.exchange.values import find_attitudes
 from sim.scenario.geo import Geo
 from tracking.errors import InputError
 
@@ -64,8 +63,8 @@ def test_subtitles_of_dji_hold_the_flight_in_every_dialect(name, tmp_path):
     folder = write(tmp_path / "flight", name, ("", "", "") if angles else NADIR, dt=dt)
     (found,) = find_logs(folder).values()
     dated = name not in ("mini.srt", "phantom4-rtk.srt")
-    assert found.format == "DJI SRT" and found.log.above == above
-    np.testing.assert_equal(found.log.epoch, START if dated else np.nan)
+    assert found.format == "DJI SRT" and found.above == above
+    np.testing.assert_equal(found.epoch, START if dated else np.nan)
     places, heights, attitudes, remarks = poses_of(folder, "geo.ground=120")
     np.testing.assert_allclose(places, np.column_stack([LATITUDES, LONGITUDES]), atol=2e-9, rtol=0)
     np.testing.assert_allclose(heights, HEIGHTS, atol=1e-4)
@@ -78,13 +77,13 @@ def test_subtitles_of_dji_hold_the_flight_in_every_dialect(name, tmp_path):
 @pytest.mark.parametrize(("name", "focal"), [("mavic3.srt", 24.0), ("air2s.srt", 22.4), ("mavic2.srt", 28.0)])
 def test_focal_lengths_are_in_millimetres_tenths_or_hundredths(name, focal, tmp_path):
     shutil.copy(LOGS / name, tmp_path / name)
-    assert find_logs(tmp_path)[0].log.focal == focal
+    assert find_logs(tmp_path)[0].focal == focal
 
 
 def test_blocks_that_are_broken_or_without_a_fix_are_counted(tmp_path):
     for name, lost in (("mavic2.srt", "1 of 7"), ("mavic-pro.srt", "1 of 6")):
         shutil.copy(LOGS / name, tmp_path / name)
-        (log,) = (one.log for one in find_logs(tmp_path).values() if one.path.name == name)
+        (log,) = (one for one in find_logs(tmp_path).values() if one.path.name == name)
         assert any(f"left out: {lost} blocks" in remark for remark in log.remarks)
 
 
@@ -123,16 +122,16 @@ def axes_of_body(yaw, pitch, roll):
     return ahead, np.array([east, north, -np.sin(r) * np.cos(p)])
 
 
-def check_body(attitudes, *, looks):
-    """A camera that looks down from the body, or ahead with it."""
+def check_body(attitudes):
+    """A camera that looks down from the body."""
     for (yaw, pitch, roll), attitude in zip(BODY, attitudes, strict=True):
         ahead, right = axes_of_body(yaw, pitch, roll)
-        top, back = Rotation.from_quat(attitude).apply([[0.0, 1, 0], [0, 0, 1]])
-        np.testing.assert_allclose(Rotation.from_quat(attitude).apply([1.0, 0, 0]), right, atol=2e-4)
-        np.testing.assert_allclose(top if looks == "down" else -back, ahead, atol=2e-4)
+        np.testing.assert_allclose(
+            Rotation.from_quat(attitude).apply([[1.0, 0, 0], [0, 1, 0]]), [right, ahead], atol=2e-4
+        )
 
 
-def make_px4(tmp_path, *, globe=True, gimbal=0):
+def make_px4(tmp_path, *, globe):
     q = np.roll(Rotation.from_euler("ZYX", BODY, degrees=True).as_quat(), 1, axis=1).tolist()
     origin = Geo(origin=(50.0, -8.0))
     east, north = origin.find_metres(LATITUDES, LONGITUDES).T
@@ -148,11 +147,6 @@ def make_px4(tmp_path, *, globe=True, gimbal=0):
     if globe:
         rows = zip(times, LATITUDES.tolist(), LONGITUDES.tolist(), strict=True)
         topics["vehicle_global_position"] = [(t, lat, lon, 150.0) for t, lat, lon in rows]
-    if gimbal:
-        turns = BODY.copy()
-        turns[:, 0] -= 0 if gimbal == 64 else YAW + 0.0
-        turns = np.roll(Rotation.from_euler("ZYX", turns, degrees=True).as_quat(), 1, axis=1).tolist()
-        topics["gimbal_device_attitude_status"] = [(t, *turn, gimbal) for t, turn in zip(times, turns, strict=True)]
     return write(tmp_path / "flight", make_ulog(topics), name="log.ulg", epoch=START)
 
 
@@ -162,15 +156,8 @@ def test_a_ulog_has_its_places_heights_above_home_and_the_attitude_of_the_body(g
     places, heights, attitudes, remarks = poses_of(make_px4(tmp_path, globe=globe))
     np.testing.assert_allclose(places, np.column_stack([LATITUDES, LONGITUDES]), atol=1e-8, rtol=0)
     np.testing.assert_allclose(heights, HEIGHTS, atol=1e-5)
-    check_body(attitudes, looks="down")
+    check_body(attitudes)
     assert any("the camera is taken to look down from the body" in remark for remark in remarks)
-
-
-@pytest.mark.parametrize("gimbal", [64, 32])
-def test_a_gimbal_of_px4_looks_ahead_by_north_or_by_the_body(gimbal, tmp_path):
-    pytest.importorskip("pyulog")
-    (found,) = find_logs(make_px4(tmp_path, gimbal=gimbal)).values()
-    check_body(turn(found.log.attitudes, found.log.axes), looks="ahead")
 
 
 def make_ardupilot(tmp_path, *, text, mount=False):
@@ -199,7 +186,7 @@ def test_logs_of_ardupilot_are_read_binary_and_as_text_with_body_or_mount(text, 
         expected = Rotation.from_quat(find_attitudes(np.column_stack([YAW, PITCH, ROLL])))
         assert np.degrees((Rotation.from_quat(attitudes).inv() * expected).magnitude()).max() < 1e-4
     else:
-        check_body(attitudes, looks="down")
+        check_body(attitudes)
 
 
 REFUSED = {
