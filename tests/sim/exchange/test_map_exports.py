@@ -70,6 +70,17 @@ def test_a_recording_that_is_nowhere_on_the_map_says_what_it_lacks(tmp_path):
         export(recorded("sensing.mode=ideal", duration=1), "geojson", tmp_path / "out")
 
 
+def test_layers_end_where_a_uav_breaks_down_and_may_be_empty(tmp_path):
+    mission = recorded("sensing.mode=ideal", *SETTINGS[:2], "people.count=0", "uavs.1.fails_at=1.1", duration=2)
+    export(mission, "geojson", tmp_path / "out")
+    uavs, people, tracks, losses = (
+        json.loads((tmp_path / "out" / f"{name}.geojson").read_text())["features"]
+        for name in ("uavs", "people", "tracks", "losses")
+    )
+    assert [feature["properties"]["until_s"] for feature in uavs] == [2.0, 1.0, 2.0]
+    assert people == tracks == losses == []
+
+
 UAV = "uavs=[{start=[-28,0],footprint=24,pixels=256}]"
 
 
