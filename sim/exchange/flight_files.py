@@ -8,12 +8,13 @@ from msgspec.structs import replace
 
 from sim.exchange.csv_files import has_quaternions, read_cameras, read_detections, read_poses
 from sim.exchange.flight_doubts import find_doubts, turn
-from sim.exchange.flight_logs import TRUTHS, VIDEOS, find_logs, find_videos, locate, read_logs
+from sim.exchange.flight_logs import TRUTHS, VIDEOS, YEARS, find_logs, find_videos, locate, read_logs
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
 from sim.exchange.people_selection import Selection, select_people
 from sim.exchange.ros_flight import BagFlight, find_bag, read_bag
 from sim.exchange.values import CameraFrames, LoggedCamera, LoggedFlight, LoggedFrame, LoggedUav, PoseLog, find_gap
+from sim.scenario.csv_tables import read_csv
 from sim.scenario.environment import Trees
 from sim.scenario.geo import FARTHEST, Geo
 from sim.world.stem_map import StemMap, read_stem_map
@@ -64,7 +65,7 @@ def read_files(
         expected = "expected one with poses.csv and detections.csv, or a bag of ROS 2"
         raise InputError(f"FLIGHT: {folder} is not a folder; {expected}")
     read, unused = _choose_format(folder)
-    (cameras, poses, seen, told), geo = _read_parts(folder, geo, detected=read is not None)
+    (cameras, poses, seen, told, epoch), geo = _read_parts(folder, geo, detected=read is not None)
     if geo.origin and origin != (0.0, 0.0):
         raise InputError("--origin: not allowed for places on the map; --set geo.origin=[latitude,longitude] is theirs")
     known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
@@ -75,12 +76,7 @@ def read_files(
             raise InputError(f"FLIGHT: {folder}: only one of {name} and its cameras has {list_numbers('UAV', odd)}")
     if sorted(cameras) != list(range(len(cameras))):
         raise InputError(f"FLIGHT: {folder}: has {list_numbers('UAV', sorted(cameras))}; number UAVs from 0")
-    for uav, own in found.items():
-        gap = find_gap(own.frames)
-        time = own.frames[0].time
-        if unit := next((unit for apart, since, unit in _LIKELY if gap > apart or abs(time) > since), ""):
-            span = f"frames of UAV {uav} are {spell(gap, 3)} s apart, and begin at {spell(time)} s"
-            raise InputError(f"detections: {folder}, column time_s: {span}; are these {unit}?")
+    _check_units(found, folder)
     start = min(own.frames[0].time + cameras[uav].clock_offset for uav, own in found.items())
     uavs = []
     for i in range(len(cameras)):
@@ -95,7 +91,11 @@ def read_files(
     remarks = [*told, *remarks, *(remark for own in found.values() for remark in own.remarks)]
     remarks += [*unused, *_tell_spans(uavs)]
     remarks += [*find_doubts(folder, uavs, geo), *filter(None, (stems.summary, *stems.remarks))]
-    flight = LoggedFlight(uavs, Forest(stems.trees), start, origin, geo, _find_labels(folder, found), remarks)
+    labels = _find_labels(folder, found)
+    if start < YEARS < epoch and _are_since_1970(labels):
+        start += epoch  # of the first frame, by the clock of people
+        remarks.append(f"truth: times of people are since 1970, when times of frames begin at {spell(epoch)} s")
+    flight = LoggedFlight(uavs, Forest(stems.trees), start, origin, geo, labels, remarks)
     far = flight.places[np.abs(flight.places).max(axis=1) > FARTHEST]
     if len(far):
         x, y = (np.array(origin) + far[0]).round(-2).tolist()
@@ -113,8 +113,8 @@ def _read_parts(folder: Path, geo: Geo, *, detected: bool) -> tuple[BagFlight, G
     geo, told = locate(folder, geo, logs)
     if logs:
         given = read_cameras(cameras_file) if cameras_file.exists() else {}
-        cameras, poses, remarks = read_logs(folder, logs, given, geo)
-        return BagFlight(cameras, poses, {}, told + remarks), geo
+        found = read_logs(folder, logs, given, geo)
+        return found._replace(remarks=told + found.remarks), geo
     there = {"cameras": cameras_file.exists(), "poses": poses_file.exists(), "detections": detected}
     lacking = [part for part, found in there.items() if not found]
     logged = find_bag(folder) if lacking else None
@@ -171,6 +171,24 @@ def _find_labels(folder: Path, found: Mapping[int, CameraFrames]) -> Path | None
         return tables[0]
     sequences = find_sequences(folder).items()
     return next((path / "gt" / "gt.txt" for uav, path in sequences if uav in found and found[uav].people), None)
+
+
+def _check_units(found: Mapping[int, CameraFrames], folder: Path) -> None:
+    """InputError if times of frames are not in seconds."""
+    for uav, own in found.items():
+        gap = find_gap(own.frames)
+        time = own.frames[0].time
+        if unit := next((unit for apart, since, unit in _LIKELY if gap > apart or abs(time) > since), ""):
+            span = f"frames of UAV {uav} are {spell(gap, 3)} s apart, and begin at {spell(time)} s"
+            raise InputError(f"detections: {folder}, column time_s: {span}; are these {unit}?")
+
+
+def _are_since_1970(labels: Path | None) -> bool:
+    """True if a table of people has such times."""
+    if labels is None or labels.name not in TRUTHS:
+        return False
+    row = next(read_csv(labels, "truth", (), spares={"time": "time_s", "t": "time_s", "timestamp": "time_s"}), None)
+    return row is not None and "time_s" in row.values and row.time("time_s") > YEARS
 
 
 def _shift(frame: LoggedFrame, later: float, origin: tuple[float, float]) -> LoggedFrame:

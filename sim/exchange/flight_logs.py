@@ -15,6 +15,7 @@ from sim.exchange.csv_files import ANGLES, KNOWN
 from sim.exchange.dji_srt import read_srt
 from sim.exchange.flight_doubts import turn
 from sim.exchange.px4_log import read_ulog
+from sim.exchange.ros_flight import BagFlight
 from sim.exchange.trajectory_log import read_trajectory
 from sim.exchange.values import DroneLog, LoggedCamera, PoseLog, find_attitudes, make_calibrated_camera
 from sim.scenario.camera_settings import CameraSettings
@@ -47,7 +48,7 @@ _REFUSED = {
 }
 _PLAIN = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".toml", ".yaml", ".yml", ".json", ".mp4", ".mov", ".npz", ".md"}
 _OWN = {f"{name}.csv" for name in ("poses", "detections", "cameras", "trees", "truth", "tracks", "images")}
-_YEARS = 1e8  # s, beyond which times are since 1970
+YEARS = 1e8  # s, beyond which times are since 1970
 _SHORT, _SHORT_SHARE = 1.0, 0.02  # s, and of its length, by which a video and its log may differ
 _FILM = 34.6  # mm, width of a sensor of 4:3 with the corners of 35 mm film, 43.3 mm apart
 _TAKEN = {
@@ -110,10 +111,8 @@ def _find_fixes(log: DroneLog) -> Array:
     return np.asarray(log.places[fixed & log.on_map])
 
 
-def read_logs(
-    folder: Path, logs: Mapping[int, DroneLog], cameras: dict[int, LoggedCamera], geo: Geo
-) -> tuple[dict[int, LoggedCamera], dict[int, PoseLog], list[str]]:
-    """Cameras and poses by UAV, and remarks; cameras are empty if there is no `cameras.csv`."""
+def read_logs(folder: Path, logs: Mapping[int, DroneLog], cameras: dict[int, LoggedCamera], geo: Geo) -> BagFlight:
+    """Cameras and poses by UAV; `cameras` are empty if there is no `cameras.csv`."""
     told = list[str]()
     sizes = _check_videos(find_videos(folder), logs, cameras)
     if not cameras:
@@ -124,9 +123,10 @@ def read_logs(
         raise InputError(f"FLIGHT: {folder}: logs are {names}, but no camera of {list_numbers('UAV', odd)}; {hint}")
     since_1970 = _count_since_1970(folder, geo)
     made = {i: _make_poses(one, cameras[i], geo, since_1970=since_1970) for i, one in logs.items()}
-    told += [remark for _, remarks in made.values() for remark in remarks]
+    told += [remark for _, remarks, _ in made.values() for remark in remarks]
     turned = {i: camera._replace(axes="") for i, camera in cameras.items()}
-    return turned, {i: log for i, (log, _) in made.items()}, told
+    epochs = [epoch for *_, epoch in made.values()]
+    return BagFlight(turned, {i: log for i, (log, *_) in made.items()}, {}, told, epochs[0])
 
 
 def _check_videos(
@@ -171,14 +171,14 @@ def _count_since_1970(folder: Path, geo: Geo) -> bool:
     for name in ("detections", "images"):
         if (path := folder / f"{name}.csv").exists():
             row = next(read_csv(path, name, ("time_s",), spares=KNOWN[name], geo=geo), None)
-            return row is not None and row.time("time_s") > _YEARS
+            return row is not None and row.time("time_s") > YEARS
     return False
 
 
-def _make_poses(log: DroneLog, camera: LoggedCamera, geo: Geo, *, since_1970: bool) -> tuple[PoseLog, list[str]]:
-    """Poses of the camera of a log, and remarks on what is taken for granted; InputError says what it lacks.
+def _make_poses(log: DroneLog, camera: LoggedCamera, geo: Geo, *, since_1970: bool) -> tuple[PoseLog, list[str], float]:
+    """Poses of the camera of a log, remarks on what is taken for granted, and `epoch` as of `BagFlight`.
 
-    since_1970: True if the times of frames are.
+    since_1970: True if the times of frames are. InputError says what the log lacks.
     """
     where = f"log: {log.path}"
     heights, above = _find_heights(log, camera.given, geo, where)
@@ -208,7 +208,8 @@ def _make_poses(log: DroneLog, camera: LoggedCamera, geo: Geo, *, since_1970: bo
             geo.place(*log.places[kept][far.argmax()].tolist())
         except ValueError as error:
             raise InputError(f"{where}: {error}") from error
-    return PoseLog(times + offset, np.column_stack([places, heights[kept], quaternions[kept]])), told
+    poses = PoseLog(times + offset, np.column_stack([places, heights[kept], quaternions[kept]]))
+    return poses, told, log.epoch - offset
 
 
 def _find_heights(log: DroneLog, given: Mapping[str, float], geo: Geo, where: str) -> tuple[Array, str]:

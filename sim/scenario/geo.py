@@ -4,6 +4,7 @@ import csv
 import io
 import math
 import re
+from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any
 from xml.etree import ElementTree
@@ -13,10 +14,11 @@ from msgspec import Meta, Struct
 
 from tracking.errors import InputError, one_line, spell
 from tracking.numerics.arrays import Array
-from tracking.numerics.trigonometry import cos_each, hypot, sin_each
+from tracking.numerics.trigonometry import cos, cos_each, hypot, sin, sin_each
 
 _A, _E2 = 6378137.0, 0.0066943799901413165  # m, semi-major axis of WGS 84, and its squared eccentricity
 _DEGREE = math.pi / 180
+_Wave = Callable[[Any], Any]  # sine or cosine of numbers, or of arrays
 _DIGITS = 6  # of metres, so that all processors and libraries give the same
 FARTHEST = 9_000.0  # m, of places from the origin
 LATITUDES = ("latitude", "lat", "latitude_deg", "lat_deg", "gps_latitude", "gps_lat", "decimallatitude")
@@ -37,12 +39,16 @@ class Geo(Struct, frozen=True, forbid_unknown_fields=True):
 
     def find_metres(self, latitudes: Array, longitudes: Array) -> Array:
         """Places (N, 2) m to the east and north of the origin, in its tangential plane, of places (N,) deg."""
+        given = (np.asarray(values, dtype=float) for values in (latitudes, longitudes))
+        return np.column_stack(self._find_metres(sin_each, cos_each, *given)).round(_DIGITS) + 0.0
+
+    def _find_metres(self, sine: _Wave, cosine: _Wave, latitude: Any, longitude: Any) -> tuple[Any, Any]:  # noqa: ANN401
+        """East and north [m] of places [deg], numbers or arrays, by the functions for these."""
         assert self.origin
-        (at,), angles = _find_points(*np.array(self.origin)[:, None]), _DEGREE * np.array(self.origin)
-        (s, t), (c, d) = sin_each(angles), cos_each(angles)
-        apart = _find_points(np.asarray(latitudes, dtype=float), np.asarray(longitudes, dtype=float)) - at
-        x, y, z = apart.T
-        return np.column_stack([d * y - t * x, c * z - s * (d * x + t * y)]).round(_DIGITS) + 0.0
+        x, y, z = _find_point(sine, cosine, latitude, longitude)
+        (u, v, w), s, c, t, d = _find_frame(self.origin)
+        x, y, z = x - u, y - v, z - w
+        return d * y - t * x, c * z - s * (d * x + t * y)
 
     def find_degrees(self, places: Array) -> Array:
         """Latitudes and longitudes (N, 2) deg of places (N, 2) m."""
@@ -69,14 +75,14 @@ class Geo(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"a latitude of {spell(latitude)} is not allowed, but -90 to 90; {swapped}")
         if self.origin is None:
             raise ValueError("is a place on the map; geo.origin = [latitude, longitude] gives the area's centre")
-        x, y = self.find_metres(np.array([latitude]), np.array([longitude]))[0].tolist()
+        x, y = self._find_metres(sin, cos, latitude, longitude)
         if not max(abs(x), abs(y)) <= FARTHEST:
             away = f"{spell(latitude, 8)}, {spell(longitude, 8)} is {hypot(x, y) / 1000:.1f} km from geo.origin"
             origin = ", ".join(spell(part, 8) for part in self.origin)
-            other = self.find_metres(np.array([longitude]), np.array([latitude]))[0]
-            hint = swapped if np.abs(other).max() <= FARTHEST else "files of a mission or flight have one origin"
+            other = self._find_metres(sin, cos, longitude, latitude)
+            hint = swapped if max(map(abs, other)) <= FARTHEST else "files of a mission or flight have one origin"
             raise ValueError(f"{away}, {origin}; {FARTHEST / 1000:g} km are allowed; {hint}")
-        return x, y
+        return round(float(x), _DIGITS) + 0.0, round(float(y), _DIGITS) + 0.0
 
 
 NOWHERE_ON_THE_MAP = Geo()
@@ -104,12 +110,19 @@ def tell_origin(geo: Geo, source: str = "") -> str:
     return f"geo.origin: places are metres to the east and north of {place} (WGS 84){source}"
 
 
-def _find_points(latitudes: Array, longitudes: Array) -> Array:
-    """Points (N, 3) m of the ellipsoid, from its centre, of places (N,) deg."""
-    lat, lon = _DEGREE * latitudes, _DEGREE * longitudes
-    s, c = sin_each(lat), cos_each(lat)
+@cache
+def _find_frame(origin: tuple[float, float]) -> tuple[Any, ...]:
+    """The point of the ellipsoid at an origin [deg], and sines and cosines of its latitude and longitude."""
+    lat, lon = _DEGREE * origin[0], _DEGREE * origin[1]
+    return _find_point(sin, cos, *origin), sin(lat), cos(lat), sin(lon), cos(lon)
+
+
+def _find_point(sine: _Wave, cosine: _Wave, latitude: Any, longitude: Any) -> tuple[Any, Any, Any]:  # noqa: ANN401
+    """Point [m] of the ellipsoid, from its centre, of a place [deg]."""
+    lat, lon = _DEGREE * latitude, _DEGREE * longitude
+    s, c = sine(lat), cosine(lat)
     across = _A / np.sqrt(1.0 - _E2 * s * s)
-    return np.column_stack([across * c * cos_each(lon), across * c * sin_each(lon), across * (1.0 - _E2) * s])
+    return across * c * cosine(lon), across * c * sine(lon), across * (1.0 - _E2) * s
 
 
 def read_gpx(text: str, name: str) -> str:

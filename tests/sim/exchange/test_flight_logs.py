@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from sim.exchange.flight_logs import find_logs
 from sim.exchange.scanned_flight import read_flight
+from sim.exchange.tracked_flight import track_flight
 from sim.exchange.values import find_attitudes
 from sim.scenario.geo import Geo
 from tracking.errors import InputError
@@ -264,3 +265,17 @@ def test_logs_of_several_uavs_go_by_their_numbers_and_poses_csv_goes_first(tmp_p
         read_flight(folder)
     (folder / "poses.csv").write_text("time_s,x_m,y_m,z_m\n0,0,0,30\n")
     assert "logs: not used: uav0.srt, uav1.srt, as there is poses.csv" in read_flight(folder).remarks
+
+
+@pytest.mark.parametrize(("zone", "clock"), [("Z", 0.0), ("-02:00", 7200.0)])
+def test_people_of_a_gpx_file_are_there_at_the_date_of_the_subtitles(zone, clock, tmp_path):
+    """The drone's clock has no zone; `clock_offset_s` says how far it is from UTC."""
+    folder = write(tmp_path / "flight", "mavic3-enterprise.srt", (",clock_offset_s", f",{clock}", ""))
+    text = (LOGS / "people.gpx").read_text()
+    (folder / "truth.gpx").write_text(text.replace("Z</time>", f"{zone}</time>"))
+    flight = read_flight(folder)
+    k = np.arange(2)
+    ada = flight.setting.geo.find_metres(50 + 1e-5 * k, -8 + 1e-5 * k)
+    np.testing.assert_allclose([flight.people.at(float(t))[0][0] for t in k], ada, atol=1e-5)
+    assert any("times of people are since 1970" in remark for remark in flight.remarks)
+    assert track_flight(flight).recording.matched.shape == (6, 1, 2)
