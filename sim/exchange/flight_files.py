@@ -65,7 +65,7 @@ def read_files(
         expected = "expected one with poses.csv and detections.csv, or a bag of ROS 2"
         raise InputError(f"FLIGHT: {folder} is not a folder; {expected}")
     read, unused = _choose_format(folder)
-    (cameras, poses, seen, told, epoch), geo = _read_parts(folder, geo, detected=read is not None)
+    (cameras, poses, seen, told, epoch, longer), geo = _read_parts(folder, geo, detected=read is not None)
     if geo.origin and origin != (0.0, 0.0):
         raise InputError("--origin: not allowed for places on the map; --set geo.origin=[latitude,longitude] is theirs")
     known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
@@ -83,7 +83,8 @@ def read_files(
         size = found[i].size
         camera = cameras[i] if size is None else cameras[i].fit(size, f"FLIGHT: {folder}, UAV {i}")
         later = camera.clock_offset - start
-        moved = PoseLog(_delay(poses[i].times, later), poses[i].rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
+        flown = poses[i].cut(found[i].frames[0].time, found[i].frames[-1].time) if longer else poses[i]
+        moved = PoseLog(_delay(flown.times, later), flown.rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
         frames = [_shift(frame, later, origin) for frame in found[i].frames]
         people = [_shift(frame, later, origin) for frame in found[i].people]
         uavs.append(LoggedUav(camera, moved, frames, people))

@@ -126,7 +126,7 @@ def read_logs(folder: Path, logs: Mapping[int, DroneLog], cameras: dict[int, Log
     told += [remark for _, remarks, _ in made.values() for remark in remarks]
     turned = {i: camera._replace(axes="") for i, camera in cameras.items()}
     epochs = [epoch for *_, epoch in made.values()]
-    return BagFlight(turned, {i: log for i, (log, *_) in made.items()}, {}, told, epochs[0])
+    return BagFlight(turned, {i: log for i, (log, *_) in made.items()}, {}, told, epochs[0], longer=True)
 
 
 def _check_videos(

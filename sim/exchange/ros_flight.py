@@ -39,6 +39,7 @@ class BagFlight(NamedTuple):
     frames: dict[int, CameraFrames]
     remarks: list[str]
     epoch: float = math.nan  # s, time since 1970 of the zero of frames' times, if they are not since 1970
+    longer: bool = False  # True if poses are of logs, which hold what was before and after the frames, too
 
 
 class _Link(NamedTuple):

@@ -55,6 +55,13 @@ class PoseLog(NamedTuple):
         moves = (before == after) | (np.abs(self.rows[before] - self.rows[after]) > _STILL).any(axis=1)
         return np.where(moves, gaps, 0.0)
 
+    def cut(self, first: float, last: float) -> "PoseLog":
+        """The poses from one time [s] to another, with those next to them; all unless they cover both."""
+        if not self.covers(np.array([first, last])).all():
+            return self
+        inner = slice(np.searchsorted(self.times, first, "right") - 1, np.searchsorted(self.times, last) + 1)
+        return PoseLog(self.times[inner], self.rows[inner])
+
     def covers(self, times: Array) -> Flags:
         """Mask (N,) of the times (N,) s that are not before the first pose or after the last one."""
         return np.asarray((self.times[0] <= times) & (times <= self.times[-1]))

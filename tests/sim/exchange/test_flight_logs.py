@@ -279,3 +279,18 @@ def test_people_of_a_gpx_file_are_there_at_the_date_of_the_subtitles(zone, clock
     np.testing.assert_allclose([flight.people.at(float(t))[0][0] for t in k], ada, atol=1e-5)
     assert any("times of people are since 1970" in remark for remark in flight.remarks)
     assert track_flight(flight).recording.matched.shape == (6, 1, 2)
+
+
+def test_what_a_log_holds_beside_the_frames_does_not_count(tmp_path):
+    """A log of a whole flight: on the ground and 3 km away before the frames, and after them."""
+    folder = write(tmp_path / "flight", "airdata-metres.csv", epoch=START + 1)
+    lines = (folder / "airdata-metres.csv").read_text().splitlines()
+    ground = [line.replace(line.split(",")[2], "50.03").split(",") for line in lines[1:3]]
+    before = [[str(time), *row[1:4], "0", *row[5:]] for time, row in zip((0, 200), ground, strict=True)]
+    before[0][1] = before[1][1] = "2024-05-01 10:00:04"
+    rows = [lines[0], *map(",".join, before), *lines[1:]]
+    (folder / "airdata-metres.csv").write_text("\n".join(rows) + "\n")
+    flight = read_flight(folder, overrides=["geo.origin=[50.0,-8.0]"])
+    assert flight.setting.area.height < 400
+    np.testing.assert_allclose(flight.poses[flight.frames[:, 0], 0, 2], HEIGHTS, atol=0.01)
+    assert any("10 poses from 0 to 2 s" in remark for remark in flight.remarks)
