@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from sim.exchange.csv_files import has_quaternions, read_cameras, read_detections, read_poses
 from sim.exchange.flight_doubts import find_doubts, turn
-from sim.exchange.flight_logs import TRUTHS, VIDEOS, YEARS, find_logs, find_videos, locate, read_logs
+from sim.exchange.flight_logs import TRUTHS, VIDEOS, YEARS, find_logs, find_videos, locate, read_logs, tell_formats
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
 from sim.exchange.people_selection import Selection, select_people
@@ -108,9 +108,10 @@ def read_files(
 def _read_parts(folder: Path, geo: Geo, *, detected: bool) -> tuple[BagFlight, Geo]:
     """Cameras and poses, from tables, logs or a bag, which also gives frames unless these are `detected`."""
     cameras_file, poses_file, unused = folder / "cameras.csv", folder / "poses.csv", list[str]()
-    if (logs := find_logs(folder)) and poses_file.exists():
-        names = ", ".join(one.path.name for one in logs.values())
-        logs, unused = {}, [f"logs: not used: {names}, as there is poses.csv"]
+    other = poses_file.exists() or find_bag(folder) is not None
+    logs = {} if other else find_logs(folder)
+    if other and (names := ", ".join(path.name for path in tell_formats(folder))):
+        unused = [f"logs: not used: {names}, as there {'is poses.csv' if poses_file.exists() else 'is a bag'}"]
     geo, told = locate(folder, geo, logs)
     if logs:
         given = read_cameras(cameras_file) if cameras_file.exists() else {}

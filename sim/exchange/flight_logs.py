@@ -39,13 +39,13 @@ _FORMATS: dict[str, tuple[bytes, Callable[[Path], DroneLog]]] = {
 }
 # Files that are told, but not read, and what to give in their place.
 _REFUSED = {
-    rb"[^\n]*OSD\.(latitude|flyTime)": "DJI's flight record as CSV, which is not read; give AirData's CSV of it",
-    rb"(?s).{16}BUILD": "DJI's DAT log, which is not read; give the video's SRT, or AirData's CSV of the flight",
-    rb"(?s)\s*<.*<kml": "KML, which is not read; give the log itself, or GPX as truth.gpx if it is of people",
-    rb"# Image list with two lines": 'COLMAP\'s images.txt, which is not read; give poses.csv, with "optical" axes',
-    rb"# Camera list with one line": "COLMAP's cameras.txt, which is not read; give cameras.csv",
-    rb"[^\n]{0,200}\.tlog\n": "of a ground station, which is not read; give the drone's own log",
+    rb"[^\n]*OSD\.(latitude|flyTime)": "is DJI's flight record as CSV, which is not read; give AirData's CSV of it",
+    rb"(?s).{16}BUILD": "is DJI's DAT log, which is not read; give the video's SRT, or AirData's CSV of the flight",
+    rb"(?s)\s*<.*<kml": "is KML, which is not read; give the log itself, or GPX as truth.gpx if it is of people",
+    rb"# Image list with two lines": 'is COLMAP\'s images.txt, which is not read; give poses.csv, with "optical" axes',
+    rb"# Camera list with one line": "is COLMAP's cameras.txt, which is not read; give cameras.csv",
 }
+_STATION = "is of a ground station, which is not read; give the drone's own log"
 _PLAIN = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".toml", ".yaml", ".yml", ".json", ".mp4", ".mov", ".npz", ".md"}
 _OWN = {f"{name}.csv" for name in ("poses", "detections", "cameras", "trees", "truth", "tracks", "images")}
 YEARS = 1e8  # s, beyond which times are since 1970
@@ -57,23 +57,27 @@ _TAKEN = {
 }
 
 
+def tell_formats(folder: Path) -> dict[Path, str]:
+    """Formats of the logs in a folder by their paths; what is not read begins with "is"."""
+    found = dict[Path, str]()
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if path.name not in _OWN and path.suffix.lower() not in _PLAIN and path.is_file():
+            with path.open("rb") as file:
+                head = file.read(_HEAD)
+            told = [name for name, (first, _) in _FORMATS.items() if re.match(first, head)]
+            told += [what for key, what in _REFUSED.items() if re.match(key, head)]
+            told += [_STATION] if path.suffix.lower() == ".tlog" else []
+            if told:
+                found[path] = told[0]
+    return found
+
+
 def find_logs(folder: Path) -> dict[int, DroneLog]:
     """The logs in a folder by UAV, by names such as uav1.SRT, else in order of names; InputError for unread ones."""
-    found = {}
-    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-        if path.name in _OWN or path.suffix.lower() in _PLAIN or not path.is_file():
-            continue
-        with path.open("rb") as file:
-            head = file.read(_HEAD)
-        for name, (first, read) in _FORMATS.items():
-            if re.match(first, head):
-                found[path] = read(path)._replace(format=name)
-                break
-        named = path.name.lower().encode() + b"\n"
-        told = [what for key, what in _REFUSED.items() if re.match(key, head) or re.match(key, named)]
-        if told and path not in found:
-            raise InputError(f"FLIGHT: {path} is {told[0]}")
-    return {i: found[path] for i, path in _number(found).items()}
+    found = tell_formats(folder)
+    if odd := [f"{path} {name}" for path, name in found.items() if name not in _FORMATS]:
+        raise InputError(f"FLIGHT: {odd[0]}")
+    return {i: _FORMATS[found[path]][1](path)._replace(format=found[path]) for i, path in _number(found).items()}
 
 
 def find_videos(folder: Path) -> dict[int, Path]:

@@ -327,7 +327,8 @@ def _doubt_feet(observed: Mapping[tuple[int, int], Observed], setting: Scenario)
         if len(pixels):
             at = scan.pose.position[:2]
             seen = setting.uavs[uav].true_camera.ground_points(scan.pose, pixels, TARGET_HEIGHT) - at
-            shares += (np.hypot(*(scan.measurements - at).T) / np.hypot(*seen.T)).tolist()
+            near, far = np.hypot(*(scan.measurements - at).T), np.hypot(*seen.T)
+            shares += (near[far > 0] / far[far > 0]).tolist()
     if shares and abs(np.median(shares) / _FOOT - 1) < _ALIKE:
         yield "poses: places of detections are 0.3 times as far from cameras as their pixels say; are heights in feet?"
 
