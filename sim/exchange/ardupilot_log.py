@@ -43,7 +43,7 @@ def _read_messages(path: Path) -> tuple[dict[str, Array], float]:
     try:
         from pymavlink.DFReader import DFReader_binary, DFReader_text
     except ImportError as error:
-        raise InputError("log: a log of ArduPilot needs pymavlink: pip install 'understory[logs]'") from error
+        raise InputError("log: a log of ArduPilot needs pymavlink: pip install pymavlink") from error
     found: dict[str, list[list[float]]] = {kind: [] for kind in _FIELDS}
     epoch = math.nan
     try:

@@ -1,5 +1,7 @@
 """Logs of PX4, by pyulog."""
 
+import contextlib
+import io
 import math
 from pathlib import Path
 from typing import Any
@@ -20,9 +22,10 @@ def read_ulog(path: Path) -> DroneLog:
     try:
         from pyulog import ULog
     except ImportError as error:
-        raise InputError("log: a ULog needs pyulog: pip install 'understory[logs]'") from error
+        raise InputError("log: a ULog needs pyulog: pip install pyulog") from error
     try:
-        log = ULog(str(path), [_POSITION, _GLOBAL, _BODY, _HOME, *_CLOCKS])
+        with contextlib.redirect_stdout(io.StringIO()):
+            log = ULog(str(path), [_POSITION, _GLOBAL, _BODY, _HOME, *_CLOCKS])
     except Exception as error:  # whatever a broken file makes of it
         raise InputError(f"log: {path}: is no ULog that can be read: {one_line(error)}") from error
     # Of several topics of a name, the first counts.

@@ -95,7 +95,7 @@ def _make_converter(epsg: int) -> Any:  # noqa: ANN401 - of pyproj, which may no
         from pyproj import Transformer
         from pyproj.exceptions import CRSError
     except ImportError as error:
-        raise InputError("geo.epsg: needs pyproj: pip install 'understory[geo]'") from error
+        raise InputError("geo.epsg: needs pyproj: pip install pyproj") from error
     try:
         return Transformer.from_crs(epsg, 4326, always_xy=True)
     except CRSError as error:

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -294,3 +295,32 @@ def test_what_a_log_holds_beside_the_frames_does_not_count(tmp_path):
     assert flight.setting.area.height < 400
     np.testing.assert_allclose(flight.poses[flight.frames[:, 0], 0, 2], HEIGHTS, atol=0.01)
     assert any("10 poses from 0 to 2 s" in remark for remark in flight.remarks)
+
+
+BROKEN = {
+    "a.ulg": (b"ULog\x01\x12\x35\x01" + bytes(40), "has no vehicle_local_position, or no vehicle_attitude; log both"),
+    "a.bin": (b"\xa3\x95\x80" + bytes(100), "has no messages POS or GPS, or no ATT"),
+    "a.srt": (b"1\n00:00:00,000 --> 00:00:01,000\nHello\n", "has no latitude and longitude; switch on video captions"),
+    "a.csv": (b"time(millisecond),latitude\n1,2\n", "line 1: column longitude is missing"),
+    "a.txt": (b"1 2 3 4 5 6 7 8\n1 2 3 4 5 6 7 8\n1 2 3\n", "3 columns"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_logs_are_one_line(name, tmp_path, capsys):
+    pytest.importorskip("pyulog")
+    pytest.importorskip("pymavlink")
+    content, told = BROKEN[name]
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"log: .*{told}") as caught:
+        find_logs(tmp_path)
+    assert "\n" not in str(caught.value) and capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("name", "library"), [("a.ulg", "pyulog"), ("a.bin", "pymavlink")])
+def test_a_library_that_is_missing_is_named(name, library, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.setitem(sys.modules, f"{library}.DFReader", None)
+    (tmp_path / name).write_bytes(BROKEN[name][0])
+    with pytest.raises(InputError, match=f"needs {library}: pip install {library}"):
+        find_logs(tmp_path)
