@@ -10,6 +10,7 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from sim.scenario.environment import APPEARANCES, WALKS, Appearance, Area, People, Trees, Wind
+from sim.scenario.fleet import MOST_UAVS, Fleet, resize
 from sim.scenario.geo import Geo
 from sim.scenario.quantities import Path, count_scans, simplify_number
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
@@ -79,7 +80,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     geo: Geo = Geo()
     trees: Trees = field(default_factory=Trees)
     people: People = field(default_factory=People)
-    uavs: Annotated[tuple[Uav, ...], Meta(min_length=1, max_length=200)] = DEFAULT_FLEET  # the fleet, one or more
+    uavs: Annotated[tuple[Uav, ...], Meta(min_length=1, max_length=MOST_UAVS)] = DEFAULT_FLEET  # the fleet, one or more
     rates: Rates = field(default_factory=Rates)
     sensing: Sensing = field(default_factory=Sensing)
     tracking: Tracking = field(default_factory=Tracking)
@@ -244,8 +245,9 @@ def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
 class ScenarioSettings(Scenario, frozen=True, forbid_unknown_fields=True):
     """A scenario as a file gives it: views of UAVs in part, and the appearance also by name."""
 
+    fleet: Fleet = field(default_factory=Fleet)
     # the fleet, one or more
-    uavs: Annotated[tuple[UavSettings, ...], Meta(min_length=1, max_length=200)] = tuple(
+    uavs: Annotated[tuple[UavSettings, ...], Meta(min_length=1, max_length=MOST_UAVS)] = tuple(
         UavSettings(start=uav.start, footprint=uav.footprint, alpha=uav.alpha) for uav in DEFAULT_FLEET
     )
     # how images vary with the seed: `"none"`, `"mild"`, `"full"`, or a table of the keys below
@@ -260,7 +262,8 @@ class ScenarioSettings(Scenario, frozen=True, forbid_unknown_fields=True):
         if isinstance(appearance, str):
             check_known("appearance", appearance, APPEARANCES, " (or a table of strengths)")
             appearance = APPEARANCES[appearance]
-        fleet = tuple(_complete_uav(i, uav) for i, uav in enumerate(self.uavs))
+        uavs = resize(self.uavs, self.fleet.size, self.area)
+        fleet = tuple(_complete_uav(i, uav) for i, uav in enumerate(uavs))
         rates = msgspec.structs.replace(self.rates, planning=simplify_number(self.rates.planning))
         given = {name: getattr(self, name) for name in Scenario.__struct_fields__}
         return Scenario(**{**given, "uavs": fleet, "rates": rates, "appearance": appearance})
