@@ -291,8 +291,8 @@ def _list_detections(recording: Recording) -> Iterator[Cells]:
 def _describe_calibration(uav: Uav) -> dict[str, Any]:
     """The keys of a calibrated camera, as the fleet believes it to be."""
     o = uav.believed_camera.optics
-    calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5], "distortion": list(o.distortion)}
-    return {"width": o.width, "height": o.height, **calibration}
+    calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5]}
+    return {"width": o.width, "height": o.height, **calibration, **o.distortion.settings}
 
 
 def _write_cameras(recording: Recording, folder: Path) -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.geometry.distortion import Distortion, find_reach
+from tracking.geometry.distortion import Distortion, explain_reach, find_reach
 from tracking.geometry.lens import Lens, Optics, focal_length, in_image, plane_pixel, plane_point
 from tracking.geometry.quaternions import rotation
 from tracking.numerics.arrays import Array, Flags
@@ -98,9 +98,9 @@ class Camera:
             height: Of the image [pixel].
             focal: Focal lengths (fx, fy) [pixel].
             centre: Principal point (cx, cy) [pixel].
-            distortion: Coefficients k1, k2, p1, p2, k3.
+            distortion: Coefficients k1, k2, p1, p2, k3, k4, k5, k6, or a lens such as `Distortion.of("equidistant", k)`.
         """
-        bend = Distortion(*(float(k) for k in distortion))
+        bend = distortion if isinstance(distortion, Distortion) else Distortion.of("rational_polynomial", distortion)
         (fx, fy), (cx, cy) = focal, centre
         optics = Optics(float(fx), float(fy), float(cx), float(cy), int(width), int(height), bend)
         for name, value in optics._asdict().items():
@@ -110,11 +110,11 @@ class Camera:
                 allowed = "a number" if name in ("cx", "cy") else "more than 0"
                 raise ValueError(f"{name}: {value:g} is not allowed; expected {allowed}")
         if not all(math.isfinite(k) for k in bend):
-            raise ValueError(f"distortion: {list(bend)} is not allowed; expected finite numbers")
+            raise ValueError(f"distortion: {list(bend.coefficients)} is not allowed; expected finite numbers")
         optics = optics._replace(reach=find_reach(bend))
         slope = float(np.max(np.abs(_find_plane_points(optics, _outline(optics)))))
         if not math.isfinite(slope):
-            raise ValueError(f"distortion: {list(bend)} folds the image over; expected coefficients that do not")
+            raise ValueError(explain_reach(bend, optics.reach))
         return Camera(2 * arctan2(slope, 1.0), optics.width, optics)
 
     @property

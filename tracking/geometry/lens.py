@@ -23,7 +23,7 @@ class Optics(NamedTuple):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """All twelve numbers, for `lens_of`."""
+        """All 16 numbers, for `lens_of`."""
         return *self[:6], *self.distortion, self.reach
 
 
@@ -37,9 +37,10 @@ class Lens(NamedTuple):
 
 @compiled
 def lens_of(optics: Array, position: Array, quaternion: Array) -> Lens:
-    """The lens of `Optics.numbers` (12,) at a position (3,) m with an attitude (4,)."""
+    """The lens of `Optics.numbers` (16,) at a position (3,) m with an attitude (4,)."""
     o = optics
-    calibration = Optics(o[0], o[1], o[2], o[3], int(o[4]), int(o[5]), Distortion(o[6], o[7], o[8], o[9], o[10]), o[11])
+    bend = Distortion(o[6], o[7], o[8], o[9], o[10], o[11], o[12], o[13], o[14])
+    calibration = Optics(o[0], o[1], o[2], o[3], int(o[4]), int(o[5]), bend, o[15])
     return Lens((position[0], position[1], position[2]), rotation(quaternion), calibration)
 
 
