@@ -22,7 +22,7 @@ _PIXELS = 128
 
 Footprint = Annotated[float, Meta(ge=0.01, le=_WIDEST)]  # m
 FieldOfView = Annotated[float, Meta(ge=1, lt=180)]  # deg
-Pixels = Annotated[int, Meta(ge=16, le=4096)]
+Pixels = Annotated[int, Meta(ge=16, le=10_000)]
 
 
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):

@@ -98,7 +98,7 @@ class Camera:
             height: Of the image [pixel].
             focal: Focal lengths (fx, fy) [pixel].
             centre: Principal point (cx, cy) [pixel].
-            distortion: Coefficients k1, k2, p1, p2, k3, k4, k5, k6, or a lens such as `Distortion.of("equidistant", k)`.
+            distortion: Coefficients k1, k2, p1, p2, k3, k4, k5, k6, or a lens: `Distortion.of("equidistant", k)`.
         """
         bend = distortion if isinstance(distortion, Distortion) else Distortion.of("rational_polynomial", distortion)
         (fx, fy), (cx, cy) = focal, centre
