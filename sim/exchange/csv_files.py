@@ -47,14 +47,14 @@ _PARTS = {"place": _PLACE, "covariance": ("xx_m2", "xy_m2", "yy_m2"), "pixel": _
 POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *QUATERNION)
 DETECTION_COLUMNS = ("time_s", "uav", *_PLACE, *_PARTS["covariance"], *_PIXEL)
 CAMERA_COLUMNS = ("uav", "fov_deg", "pixels")
+_VIEWS = ("hfov_deg", "vfov_deg", "dfov_deg", "focal_mm", "sensor_width_mm")  # keys of a camera that columns may give
 _TUM = {"timestamp": "time_s", "tx": "x_m", "ty": "y_m", "tz": "z_m"}  # names of TUM's trajectories
 # Columns of each file that are read, by the names that stand for them.
 KNOWN = {
     "poses": _TUM | {name: name for name in (*POSE_COLUMNS, *ANGLES)},
     "detections": {name: name for name in (*DETECTION_COLUMNS, *_CLASSES, *_SCORES)},
     "cameras": {
-        name: name
-        for name in (*CAMERA_COLUMNS, "hfov_deg", "width_px", "height_px", "camera", "clock_offset_s", "axes")
+        name: name for name in (*CAMERA_COLUMNS, *_VIEWS, "width_px", "height_px", "camera", "clock_offset_s", "axes")
     },
     "images": {name: name for name in ("time_s", "uav", "file")},
 }
@@ -149,9 +149,9 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
             raise row.error("camera", str(error)) from error
         _check_view(row, make_camera(settings))
         return make_calibrated_camera(settings)
-    across = bool(row.values.get("hfov_deg"))
+    across = {name: row.number(name) for name in _VIEWS if row.values.get(name)}
     if across and row.values.get("fov_deg"):
-        raise row.error("hfov_deg", "fov_deg is given as well; allowed is one of them")
+        raise row.error(next(iter(across)), "fov_deg is given as well; allowed is one of them")
     for column in ("width_px", "height_px") if across else CAMERA_COLUMNS[1:]:
         if column not in row.values:
             there = ",".join(row.values)
@@ -159,7 +159,7 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
     try:
         if across:
             size = {"width": row.integer("width_px"), "height": row.integer("height_px")}
-            settings = read_settings({**size, "hfov_deg": row.number("hfov_deg")}, CameraSettings)
+            settings = read_settings({**size, **across}, CameraSettings)
             _check_view(row, make_camera(settings))
             return make_calibrated_camera(settings)
         square = make_square_camera(fov_deg := row.number("fov_deg"), pixels := row.integer("pixels"))
