@@ -134,7 +134,7 @@ def read_csv(
     )
 
     def translate(entries: list[str]) -> list[str]:
-        return _translate(entries, aliases or {}, spares or {})
+        return translate_names(entries, aliases or {}, spares or {})
 
     try:
         given = [entry.strip() for entry in next(filter(any, table), [])]
@@ -221,7 +221,7 @@ def _are_numbers(entries: Sequence[str]) -> bool:
     return all(math.isfinite(parse_number(entry.replace(",", "."))) for entry in entries)
 
 
-def _translate(entries: Sequence[str], aliases: Mapping[str, str], spares: Mapping[str, str]) -> list[str]:
+def translate_names(entries: Sequence[str], aliases: Mapping[str, str], spares: Mapping[str, str]) -> list[str]:
     """Names of columns as the reader knows them."""
     header = [aliases.get(entry, entry) for entry in entries]
     for n, entry in enumerate(header):
