@@ -13,7 +13,7 @@ from sim.scenario.calibration_files import describe, read_calibration
 from sim.scenario.text_files import find_toml_file, read_toml
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera
-from tracking.geometry.distortion import Distortion, distort, explain_reach, find_reach
+from tracking.geometry.distortion import WIDEST, Distortion, distort, explain_fold, find_reach
 from tracking.geometry.lens import Optics, plane_point
 from tracking.numerics.trigonometry import arctan2, tan
 from tracking.settings import read_settings
@@ -142,7 +142,9 @@ def _find_focal(settings: CameraSettings) -> float:
         if reach == 0.0:
             allowed = "expected one in the image, or focal in its place"
             raise ValueError(f"centre: {[cx, cy]} spans no {key} of {angle_deg:g}; {allowed}")
-    raise ValueError(explain_reach(bend, reach))
+    if bend.equidistant and reach >= WIDEST * WIDEST:
+        raise ValueError(f"{key}: {angle_deg:g} is not allowed; expected at most 151, as equidistant lenses show here")
+    raise ValueError(explain_fold(bend))
 
 
 def _scale_size(settings: CameraSettings) -> tuple[int, int]:

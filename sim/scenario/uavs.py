@@ -163,7 +163,7 @@ def measure_angle(camera: Camera, pixels: int) -> float:
     """The angle of view [deg] over so many pixels in the middle of a camera's images, along a row."""
     width, _ = camera.size
     ends = np.array([[(width - pixels) / 2, camera.optics.cy], [(width + pixels) / 2, camera.optics.cy]])
-    left, right = camera.slopes(ends)[:, 0].tolist()
+    left, right = camera.slopes(camera.shown(ends))[:, 0].tolist()
     return 360.0 * arctan2((right - left) / 2, 1.0) / math.pi
 
 

@@ -12,6 +12,7 @@ from tracking.numerics.trigonometry import arctan2
 MODELS = {"plumb_bob": 5, "rational_polynomial": 8, "equidistant": 4}  # ROS's names, and most coefficients of each
 _STEP = 1 / 512  # of the radius, in the search for the fold
 _FARTHEST = 8.0  # radius of points 83 degrees off the optical axis
+WIDEST = 4.0  # radius of points 76 degrees off the axis, beyond which equidistant lenses are taken to show nothing
 _NEAR = 1e-12  # square of a radius within which equidistant lenses are taken to second order
 
 
@@ -106,6 +107,8 @@ def distortion_slopes(d: Distortion, x: float, y: float) -> tuple[float, float, 
 def find_reach(d: Distortion) -> float:
     """Square of the radius within which `distort` folds nothing over; 0 without distortion.
 
+    It ends 83 degrees off the optical axis, and 76 degrees off that of equidistant lenses.
+
     The matrix of slopes is symmetric. Where its least eigenvalue is positive, `distort` is the gradient of a convex
     function and so one to one. The bound on that eigenvalue is exact if the distortion is radial.
     """
@@ -114,8 +117,9 @@ def find_reach(d: Distortion) -> float:
         total += abs(k)
     if total == 0.0:
         return 0.0
+    farthest = _FARTHEST if d.equidistant == 0.0 else WIDEST
     tangential, r = 6.0 * math.sqrt(d.p1 * d.p1 + d.p2 * d.p2), 0.0
-    while r < _FARTHEST:
+    while r < farthest:
         s = (r + _STEP) * (r + _STEP)
         across, h = _radial(d, s)
         if not min(across, across + 2.0 * s * h) > tangential * (r + _STEP):
@@ -124,13 +128,9 @@ def find_reach(d: Distortion) -> float:
     return r * r
 
 
-def explain_reach(d: Distortion, reach: float) -> str:
-    """Why some pixels of a lens with this `find_reach` show nothing."""
-    told = f"distortion: {list(d.coefficients)}"
-    if reach < _FARTHEST * _FARTHEST:
-        return f"{told} folds the image over; expected coefficients that do not"
-    crop = "crop the images, and take what is cut off at the left and top off centre"
-    return f"{told} shows more than 82 degrees off the optical axis in the corners; {crop}"
+def explain_fold(d: Distortion) -> str:
+    """What is wrong with a lens that shows two directions in one pixel."""
+    return f"distortion: {list(d.coefficients)} folds the image over; expected coefficients that do not"
 
 
 @compiled

@@ -8,6 +8,8 @@ from tracking.geometry.quaternions import rotation
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 
+_INSIDE = 1e-9  # of the rim of a lens, as its inverse needs points within its reach
+
 
 class Optics(NamedTuple):
     """Calibration of a camera, in pixels. The centre of the first pixel is (0.5, 0.5); in OpenCV it is (0, 0)."""
@@ -60,6 +62,19 @@ def plane_pixel(optics: Optics, x: float, y: float) -> tuple[float, float]:
 
 
 @compiled
+def nearest_shown(optics: Optics, u: float, v: float) -> tuple[float, float]:
+    """The pixel (u, v) itself, or that in its direction on the rim of an equidistant lens which does not show it."""
+    if optics.distortion.equidistant == 0.0:
+        return u, v
+    x, y = (u - optics.cx) / optics.fx, (v - optics.cy) / optics.fy
+    rim = (1.0 - _INSIDE) * distort(optics.distortion, math.sqrt(optics.reach), 0.0)[0]
+    far = math.sqrt(x * x + y * y)
+    if far <= rim:
+        return u, v
+    return optics.cx + rim / far * (u - optics.cx), optics.cy + rim / far * (v - optics.cy)
+
+
+@compiled
 def plane_slopes(optics: Optics, x: float, y: float) -> tuple[float, float, float, float]:
     """Derivatives by u and v of x, then of y, at a point of the image plane at distance `focal_length`."""
     focal = focal_length(optics)
@@ -88,9 +103,13 @@ def magnification(optics: Optics, u: float, v: float) -> float:
 
 @compiled
 def linear_pixel(optics: Optics, u: float, v: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Pixel coordinates near a pixel as linear functions of (x, y, 1) on the image plane at distance 1."""
+    """Pixel coordinates near a pixel as linear functions of (x, y, 1) on the image plane at distance 1.
+
+    For a pixel that an equidistant lens does not show, they are those of `nearest_shown`.
+    """
     if optics.reach == 0.0:
         return (optics.fx, 0.0, optics.cx), (0.0, optics.fy, optics.cy)
+    u, v = nearest_shown(optics, u, v)
     x, y = plane_point(optics, u, v)
     xx, yy, xy = distortion_slopes(optics.distortion, x, y)
     a, b, c, d = optics.fx * xx, optics.fx * xy, optics.fy * xy, optics.fy * yy

@@ -222,8 +222,8 @@ def test_files_are_found_beside_the_scenario_and_overrides_here(tmp_path, monkey
             "distortion: .* has more than the 5 coefficients of plumb_bob; rational_polynomial has 8",
         ),
         (
-            '{width = 640, height = 480, hfov_deg = 150, distortion_model = "equidistant"}',
-            "shows more than 82 degrees off the optical axis in the corners; crop the images, and take",
+            '{width = 640, height = 480, hfov_deg = 155, distortion_model = "equidistant"}',
+            "hfov_deg: 155 is not allowed; expected at most 151, as equidistant lenses show here",
         ),
         ('{width = 64, height = 48, hfov_deg = 60, distortion_model = "fisheye"}', "distortion_model: .*fisheye"),
         (
