@@ -14,6 +14,7 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import arctan2
 
 SUFFIXES = (".geojson", ".json")
+OUTLINES = "polygons"  # what radii of polygons come from
 _SMALLEST = 0.01  # m², area of a crown
 
 
@@ -49,7 +50,7 @@ def read_features(text: str, name: str, translate: Callable[[Sequence[str]], lis
             raise InputError(f"{where}: is no point or polygon of numbers with properties") from error
         values |= {"x": repr(place.x), "y": repr(place.y)}
         if place.radius:
-            values["crown_radius"], names["crown_radius"] = repr(place.radius), "polygons"
+            values["crown_radius"], names["crown_radius"] = repr(place.radius), OUTLINES
             differences.append(place.difference)
         found.append((values, names))
     every = dict.fromkeys(key for values, _ in found for key in values)

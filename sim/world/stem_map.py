@@ -14,7 +14,7 @@ from sim.scenario.csv_tables import MOST_BYTES, RowErrors, TableRow, read_csv, t
 from sim.scenario.environment import MOST_LEAVES, STANDS, Trees
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_text
-from sim.world.crown_polygons import SUFFIXES, read_features
+from sim.world.crown_polygons import OUTLINES, SUFFIXES, read_features
 from sim.world.forest import CROWN_SHARE, crown_radius
 from sim.world.trajectories import Trajectories
 from tracking.errors import InputError, spell
@@ -44,37 +44,27 @@ _NAMES = {
     **_DIAMETERS,
     **{"canopy_diameter": "crown_radius", "canopy_width": "crown_radius"},
     **{f"{first}{axis}": axis for first in "gp" for axis in "xy"},  # those of ForestGEO
-    **{
-        f"{before}{axis}": column
-        for axis, column in {"easting": "x", "northing": "y"}.items()
-        for before in ("", "adj")
-    },
-    **{name: axis for axis in "xy" for name in (f"{axis}_coord", f"coord_{axis}", f"utm_{axis}", f"{axis}_utm")},
-    **dict.fromkeys(("tree_height", "treeheight", "total_height", "height_total", "ht"), "height"),
-    **dict.fromkeys(("crown_base_height", "height_to_crown_base", "hcb", "basecrownheight"), "crown_base"),
+    **{f"{of}{name}": axis for name, axis in {"easting": "x", "northing": "y"}.items() for of in ("", "adj", "utm_")},
+    **{f"{axis}_{of}": axis for axis in "xy" for of in ("coord", "utm", "tree")},
+    **{f"{of}_{axis}": axis for axis in "xy" for of in ("coord", "utm")},
+    **dict.fromkeys(("tree_height", "treeheight", "total_height", "height_total", "ht", "h"), "height"),
+    **dict.fromkeys(("crown_base_height", "height_to_crown_base", "hcb", "hbase", "basecrownheight"), "crown_base"),
     **dict.fromkeys(("crowndiameter", "maxcrowndiameter"), "crown_radius"),
     **dict.fromkeys(("diameter", "stem_diameter", "stemdiameter", "diameter_at_breast_height", "bhd", "d130"), "dbh"),
     **dict.fromkeys(("dfstatus", "tree_status", "treestatus", "stem_status", "plantstatus", "plant_status"), "status"),
     **{name: name for name in ("status", "alive", "dead", "fallen")},
+    **{f"is_{name}": name for name in ("alive", "dead", "fallen")},
 }
 # Names that stand for a column if no other one does; they may end with a unit.
 _SPARES = _NAMES | {f"{name}_{unit}": column for name, column in _NAMES.items() for unit in _PER_METRE}
-_TREES = (
-    "treeid",
-    "tree_id",
-    "tree_tag",
-    "treetag",
-    "tag",
-    "tree_no",
-    "tree_number",
-    "individualid",
-)  # columns that name a tree
-_CENSUSES = ("censusid", "census", "year")
+# Columns that name a tree, and a census.
+_TREES = ("treeid", "tree_id", "id_tree", "tree_tag", "treetag", "tag", "tree_no", "tree_number", "individualid")
+_CENSUSES = ("censusid", "census")
 _ONE_TREE = 2.0  # m, farthest place of a stem from the first one of the same tree
 _FALLEN = "fall|fell|down|lying|uproot|windthr|stump|cut|harvest|remov|missing|lost|gone"
 _STATUS = {_FALLEN: "fallen", "dead|died|snag|mort": "dead", "aliv|live|living|health|stand|broken": "alive"}
 _CODES = {"a": "alive", "l": "alive", "d": "dead", "m": "fallen", "g": "fallen", "p": "fallen"}  # of ForestGEO
-_YES, _NO = ("1", "1.0", "true", "yes", "y", "t"), ("", "0", "0.0", "false", "no", "n", "f")
+_YES, _NO = ("1", "1.0", "true", "yes", "y", "t"), ("", "na", "0", "0.0", "false", "no", "n", "f")
 _FORESTGEO = {"hom", "gx", "px", "stemtag", "censusid"}  # columns of its tables, whose diameters are in mm from 10 mm
 _TALLEST = 116.0  # m, of trees
 # Medians [m] and largest values [m] beyond which sizes are far from any forest, and what may have happened.
@@ -198,7 +188,7 @@ def _read_status(row: TableRow, *, strict: bool) -> str:
         given = row.values.get(column, "").lower()
         if given in _YES:
             return column
-        if column == "alive" and column in row.values and given in _NO[1:]:
+        if column == "alive" and column in row.values and given in _NO[2:]:
             return "dead"
         if given not in _NO and strict:
             raise row.error(column, f"{given!r} is not allowed; expected yes or no, or 1 or 0")
@@ -267,7 +257,8 @@ def _make_tree(row: TableRow, missing: Trees, least: float, units: Mapping[str, 
     if sizes["trunk_radius"] is None:
         sizes["trunk_radius"] = sizes["dbh"]
     given = (sizes["crown_radius"], sizes["crown_base"], sizes["height"], sizes["trunk_radius"])
-    usual = (*_grow(sizes, missing), missing.canopy_top, missing.trunk_radius)
+    outlined = row.names.get("crown_radius") == OUTLINES
+    usual = (*_grow(sizes, missing, outlined=outlined), missing.canopy_top, missing.trunk_radius)
     radius, base, top, trunk = (other if size is None else size for size, other in zip(given, usual, strict=True))
     if base > top or (base == top and least > 0):
         column = "height" if sizes["crown_base"] is None else "crown_base"
@@ -281,16 +272,16 @@ def _make_tree(row: TableRow, missing: Trees, least: float, units: Mapping[str, 
     return Tree(x, y, radius, base, top, trunk, missing.leaf_area if leaves is None else leaves)
 
 
-def _grow(sizes: Mapping[str, float | None], missing: Trees) -> tuple[float, float]:
-    """Radius and base [m] of a crown as far as they are missing."""
+def _grow(sizes: Mapping[str, float | None], missing: Trees, *, outlined: bool) -> tuple[float, float]:
+    """Radius and base [m] of a crown as far as they are missing; outlined: whether its radius is that of a polygon."""
     radius, base, height = missing.canopy_radius, missing.canopy_base, sizes["height"]
-    bare = sizes["crown_radius"] is None and sizes["crown_base"] is None
     if height is None:
         return radius, base
-    if bare and radius == Trees().canopy_radius and height > 0.0:  # no wider than high, as of a broken tree
+    unknown = sizes["crown_radius"] is None
+    if unknown and radius == Trees().canopy_radius and height > 0.0:  # no wider than high, as of a broken tree
         trunk = sizes["trunk_radius"] or None
         radius = max(trunk or 0.0, min(height, crown_radius(min(height, _TALLEST), trunk)))
-    if (bare and base == Trees().canopy_base) or base >= height:
+    if ((unknown or outlined) and base == Trees().canopy_base) or base >= height:
         base = height * (1 - CROWN_SHARE)
     return radius, base
 
@@ -377,8 +368,7 @@ def _describe(found: StemMap, rows: Sequence[TableRow], units: Mapping[str, str]
     stems = f" of {len(rows)} stems" if len(rows) > count else ""
     parts = [f"{count} tree{'s' * (count != 1)}{stems} on {width:.0f} × {height:.0f} m"]
     absent = []
-    there = {column: ~np.isnan(_read_numbers(rows, column)) for column in ("height", "crown_radius", "crown_base")}
-    grown = there["height"] & ~there["crown_radius"] & ~there["crown_base"]
+    grown = ~np.isnan(_read_numbers(rows, "height")) & np.isnan(_read_numbers(rows, "crown_radius"))
     grown &= missing.canopy_radius == Trees().canopy_radius
     for what, (columns, values) in _list_sizes(found).items():
         sources = []
@@ -391,7 +381,7 @@ def _describe(found: StemMap, rows: Sequence[TableRow], units: Mapping[str, str]
                 sources.append(f"{given.sum()} from {rows[0].names.get(column, column)}{unit}")
         if what == "crown radii" and grown.any():
             left &= ~grown
-            sources.append(f"{grown.sum()} from heights and diameters by allometry, with their bases")
+            sources.append(f"{grown.sum()} from heights and diameters by allometry")
         if not sources:
             absent.append(what)
             continue
@@ -404,6 +394,10 @@ def _describe(found: StemMap, rows: Sequence[TableRow], units: Mapping[str, str]
         )
         parts.append(f"{what} of {span} ({', '.join(sources)})")
     parts += [f"{', '.join(absent)} not in the file"] * bool(absent)
+    bases = np.isnan(_read_numbers(found.rows, "crown_base")) & ~np.isnan(_read_numbers(found.rows, "height"))
+    tops = np.array([tree.canopy_top for tree in found.trees])
+    halves = int(np.sum(bases & (np.array([tree.canopy_base for tree in found.trees]) == tops * (1 - CROWN_SHARE))))
+    parts += [f"{halves} crown{'s' * (halves > 1)} in the upper half of the height"] * bool(halves and grown.any())
     return f"{name}: {'; '.join(parts)}"
 
 

@@ -35,7 +35,8 @@ def test_crowns_of_which_only_the_tree_is_known_are_those_of_random_forests():
     assert small == Tree(18.0, 24.5, pytest.approx(crown_of(9.0, 11.5)), 4.5, 9.0, 0.0575)
     assert thin == Tree(24.5, 12.0, crown_radius(14.0), 7.0, 14.0, 0.2)  # as a random tree of 14 m
     assert low == Tree(30.0, 30.0, 5.0, 3.0, 6.0, 0.225)  # without a height, as the scenario has it
-    assert "(3 from heights and diameters by allometry, with their bases, 1 not in the file)" in found.summary
+    assert "(3 from heights and diameters by allometry, 1 not in the file); heights" in found.summary
+    assert found.summary.endswith("; 3 crowns in the upper half of the height")
 
 
 def test_sizes_that_the_scenario_gives_come_before_allometry():
@@ -47,6 +48,12 @@ def test_a_tree_lower_than_the_scenarios_crown_base_has_half_of_its_height(tmp_p
     path = tmp_path / "a.csv"
     path.write_text("x,y,height,crown_radius\n0,0,2.5,1\n9,9,12,1\n")
     assert [tree.canopy_base for tree in read(path).trees] == [1.25, 3.0]
+
+
+def test_a_crown_base_of_the_file_stays(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,h_m,hbase_m,dbh_cm\n0,0,24,9.5,35\n")
+    assert read(path).trees == (Tree(0.0, 0.0, pytest.approx(crown_of(24.0, 35.0)), 9.5, 24.0, 0.175),)
 
 
 def test_a_broken_tree_has_no_crown_wider_than_high(tmp_path):
@@ -125,6 +132,7 @@ def test_crowns_are_circles_of_equal_area_with_the_error_said():
     for tree, place, radius in zip(found.trees, ((2, 2), (13, 13), (22, 2)), radii, strict=True):
         assert (tree.x, tree.y, tree.canopy_radius) == pytest.approx((*place, radius), abs=1e-6)
     assert [tree.canopy_top for tree in found.trees] == [18.0, 12.5, 6.0]
+    assert [tree.canopy_base for tree in found.trees] == [9.0, 6.25, 3.0]
     assert "3 from polygons" in found.summary
     # A square and its circle: the square's corners beyond the circle, twice, over the area.
     share = 2 * (1 - overlap_share_of_square())
