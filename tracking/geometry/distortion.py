@@ -69,10 +69,11 @@ class Distortion(NamedTuple):
 def _radial(d: Distortion, s: float) -> tuple[float, float]:
     """Factor by which a lens moves points whose squared radius is s from the axis, and its derivative by s."""
     if d.equidistant == 0.0:
-        below = 1.0 + s * (d.k4 + s * (d.k5 + s * d.k6))
-        g = (1.0 + s * (d.k1 + s * (d.k2 + s * d.k3))) / below
-        fall = d.k4 + s * (2.0 * d.k5 + s * 3.0 * d.k6)
-        return g, (d.k1 + s * (2.0 * d.k2 + s * 3.0 * d.k3) - g * fall) / below
+        g, h = 1.0 + s * (d.k1 + s * (d.k2 + s * d.k3)), d.k1 + s * (2.0 * d.k2 + s * 3.0 * d.k3)
+        if d.k4 == 0.0 and d.k5 == 0.0 and d.k6 == 0.0:
+            return g, h
+        below, fall = 1.0 + s * (d.k4 + s * (d.k5 + s * d.k6)), d.k4 + s * (2.0 * d.k5 + s * 3.0 * d.k6)
+        return g / below, (h - g / below * fall) / below
     if s < _NEAR:
         return 1.0 + s * (d.k1 - 1 / 3), d.k1 - 1 / 3
     r = math.sqrt(s)
