@@ -10,6 +10,7 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from sim.scenario.environment import APPEARANCES, WALKS, Appearance, Area, People, Trees, Wind
+from sim.scenario.geo import Geo
 from sim.scenario.quantities import Path, count_scans, simplify_number
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav, UavSettings
@@ -75,6 +76,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     # m, distance of a person from a track beyond which the track does not hold them, in metrics, events and pictures
     loss_distance: Annotated[float, Meta(gt=0, le=10)] = 1.0
     area: Area = field(default_factory=Area)
+    geo: Geo = Geo()
     trees: Trees = field(default_factory=Trees)
     people: People = field(default_factory=People)
     uavs: Annotated[tuple[Uav, ...], Meta(min_length=1, max_length=200)] = DEFAULT_FLEET  # the fleet, one or more
@@ -88,6 +90,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         for registry, name in self.plugins:
             registry.check(name)
+        for table, own in (("trees", self.trees), ("people", self.people)):
+            if self.geo.epsg and own.origin != (0.0, 0.0):
+                raise ValueError(f"{table}.origin: not allowed with geo.epsg; geo.origin gives the area's centre")
         if self.dynamics == "kinematic" and not self.wind.is_calm:
             raise ValueError('wind: has no effect on UAVs of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):
