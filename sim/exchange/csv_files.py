@@ -51,6 +51,7 @@ _PARTS = {"place": _PLACE, "covariance": ("xx_m2", "xy_m2", "yy_m2"), "pixel": _
 POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *QUATERNION)
 DETECTION_COLUMNS = ("time_s", "uav", *_PLACE, *_PARTS["covariance"], *_PIXEL)
 CAMERA_COLUMNS = ("uav", "fov_deg", "pixels")
+_VIEWS = ("hfov_deg", "vfov_deg", "dfov_deg", "focal_mm", "sensor_width_mm")  # keys of a camera that columns may give
 _CLOCK = {"time": "time_s", "timestamp": "time_s", "datetime": "time_s", "time_utc": "time_s"}
 _TUM = {"timestamp": "time_s", "tx": "x_m", "ty": "y_m", "tz": "z_m"}  # names of TUM's trajectories
 # Columns of each file that are read, by the names that stand for them.
@@ -58,8 +59,7 @@ KNOWN = {
     "poses": _TUM | _CLOCK | {name: name for name in (*POSE_COLUMNS, *ANGLES, *_HEIGHTS)},
     "detections": _CLOCK | {name: name for name in (*DETECTION_COLUMNS, *_CLASSES, *_SCORES)},
     "cameras": {
-        name: name
-        for name in (*CAMERA_COLUMNS, *_SIZES, "hfov_deg", "camera", "clock_offset_s", "axes", *_GIVEN, *ANGLES)
+        name: name for name in (*CAMERA_COLUMNS, *_SIZES, *_VIEWS, "camera", "clock_offset_s", "axes", *_GIVEN, *ANGLES)
     },
     "images": _CLOCK | {name: name for name in ("time_s", "uav", "file")},
 }
@@ -162,9 +162,9 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
             raise row.error("camera", str(error)) from error
         _check_view(row, make_camera(settings))
         return make_calibrated_camera(settings)
-    across = bool(row.values.get("hfov_deg"))
+    across = {name: row.number(name) for name in _VIEWS if row.values.get(name)}
     if across and row.values.get("fov_deg"):
-        raise row.error("hfov_deg", "fov_deg is given as well; allowed is one of them")
+        raise row.error(next(iter(across)), "fov_deg is given as well; allowed is one of them")
     for column in ("width_px", "height_px") if across else CAMERA_COLUMNS[1:]:
         if column not in row.values:
             there = ",".join(row.values)
@@ -172,7 +172,7 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
     try:
         if across:
             size = {"width": row.integer("width_px"), "height": row.integer("height_px")}
-            settings = read_settings({**size, "hfov_deg": row.number("hfov_deg")}, CameraSettings)
+            settings = read_settings({**size, **across}, CameraSettings)
             _check_view(row, make_camera(settings))
             return make_calibrated_camera(settings)
         square = make_square_camera(fov_deg := row.number("fov_deg"), pixels := row.integer("pixels"))
@@ -303,8 +303,8 @@ def _list_detections(recording: Recording) -> Iterator[Cells]:
 def _describe_calibration(uav: Uav) -> dict[str, Any]:
     """The keys of a calibrated camera, as the fleet believes it to be."""
     o = uav.believed_camera.optics
-    calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5], "distortion": list(o.distortion)}
-    return {"width": o.width, "height": o.height, **calibration}
+    calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5]}
+    return {"width": o.width, "height": o.height, **calibration, **o.distortion.settings}
 
 
 def _write_cameras(recording: Recording, folder: Path) -> None:

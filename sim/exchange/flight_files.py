@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from sim.exchange.csv_files import has_quaternions, read_cameras, read_detections, read_poses
 from sim.exchange.flight_doubts import find_doubts, turn
 from sim.exchange.flight_logs import TRUTHS, VIDEOS, YEARS, find_logs, find_videos, locate, read_logs, tell_formats
+from sim.exchange.flight_setting import find_stem_map
 from sim.exchange.image_labels import read_coco
 from sim.exchange.mot import find_sequences, read_sequences
 from sim.exchange.people_selection import Selection, select_people
@@ -163,8 +164,8 @@ def _turn(poses: Mapping[int, PoseLog], cameras: Mapping[int, LoggedCamera]) -> 
 
 
 def _read_trees(folder: Path, trees: Trees, geo: Geo) -> StemMap:
-    path = folder / "trees.csv"
-    return read_stem_map(path, "trees", trees, least=0.0, geo=geo) if path.exists() else StemMap((), (), "", ())
+    path = find_stem_map(folder)
+    return read_stem_map(path, "trees", trees, least=0.0, geo=geo) if path else StemMap((), (), "", ())
 
 
 def _find_labels(folder: Path, found: Mapping[int, CameraFrames]) -> Path | None:

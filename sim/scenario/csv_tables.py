@@ -166,7 +166,7 @@ def read_csv(
     )
 
     def translate(entries: list[str]) -> list[str]:
-        return _translate(entries, aliases or {}, spares or {})
+        return translate_names(entries, aliases or {}, spares or {})
 
     try:
         given = [entry.strip() for entry in next(filter(any, table), [])]
@@ -205,7 +205,7 @@ def read_csv(
 
 def _find_map(header: list[str], axes: Sequence[str]) -> tuple[list[str], bool]:
     """Names of columns, and True if those of latitude and longitude are in place of the `axes`."""
-    named = _translate(header, {}, _MAP)
+    named = translate_names(header, {}, _MAP)
     found = bool(axes) and not {*axes} & {*header} and {*_MAP.values()} <= {*named}
     return (named if found else header), found
 
@@ -318,7 +318,7 @@ def _are_numbers(entries: Sequence[str]) -> bool:
     return all(math.isfinite(parse_number(entry.replace(",", "."))) for entry in entries)
 
 
-def _translate(entries: Sequence[str], aliases: Mapping[str, str], spares: Mapping[str, str]) -> list[str]:
+def translate_names(entries: Sequence[str], aliases: Mapping[str, str], spares: Mapping[str, str]) -> list[str]:
     """Names of columns as the reader knows them."""
     header = [aliases.get(entry, entry) for entry in entries]
     for n, entry in enumerate(header):

@@ -159,7 +159,7 @@ class LineOfSightMode:
 
     @cached_property
     def _optics(self) -> Array:
-        """`Optics.numbers` (n, 12) of the true cameras."""
+        """`Optics.numbers` (n, 16) of the true cameras."""
         scenario = self.setup.scenario
         return np.array([scenario.true_camera(i).optics.numbers for i in range(len(scenario.uavs))])
 

@@ -190,7 +190,7 @@ class Forest:
     def find_shown(self, optics: Array, positions: Array, quaternions: Array, points: Array) -> Array:
         """Probabilities (C, N) that cameras detect people at points (N, 3) m: `detectabilities`, 0 out of the image.
 
-        optics (C, 12): `Optics.numbers` of each camera; positions (C, 3) m and quaternions (C, 4): their poses. Nobody
+        optics (C, 16): `Optics.numbers` of each camera; positions (C, 3) m and quaternions (C, 4): their poses. Nobody
         is at points that are NaN.
         """
         return _find_shown(optics, positions, quaternions, points, self.blockers, self.grid)
