@@ -70,7 +70,10 @@ class Knowledge:
         exchange: Exchange,
         rng: np.random.Generator,
     ) -> None:
-        """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost."""
+        """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost.
+
+        forest: the map of trees that UAVs believe.
+        """
         self._scenario = scenario
         self._forest = forest
         # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
@@ -79,7 +82,7 @@ class Knowledge:
         self._cameras = [vehicle.camera for vehicle in self._vehicles]
         self.trackers = TrackerFleet(scenario, forest, initial)
         self._area = (scenario.area.width, scenario.area.height)
-        settings = scenario.tracking
+        settings = scenario.believed_tracking
         people = settings.undetected if settings.initial_tracks == "none" else 0.0
         self._undetected = [
             UndetectedIntensity(self._area, people, settings.detection_probability, settings.max_speed)
