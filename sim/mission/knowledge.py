@@ -77,7 +77,7 @@ class Knowledge:
         self._scenario = scenario
         self._forest = forest
         # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
-        self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
+        self._known_forest = replace(forest, trees=tuple(map(replace, forest.trees)))
         self._vehicles = [_make_vehicle(scenario, i) for i in range(len(scenario.uavs))]
         self._cameras = [vehicle.camera for vehicle in self._vehicles]
         self.trackers = TrackerFleet(scenario, forest, initial)

@@ -26,6 +26,10 @@ class Believed(Struct, frozen=True, forbid_unknown_fields=True):
     sigma_a: Factor = 1.0  # factor of `tracking.sigma_a`, by which motion models err
     misses: Factor = 1.0  # factor of the probability of a miss, 1 - `tracking.detection_probability`
 
+    # m, standard deviation of the positions of trees along each axis that trackers and planners reckon with, whatever
+    # `tree_shift` is; by default they take the map to be exact
+    tree_deviation: Annotated[float, Meta(ge=0, le=100)] = 0.0
+
     @property
     def knows_trees(self) -> bool:
         """True if the map of trees is exact."""

@@ -19,9 +19,9 @@ def believe_forest(forest: Forest, scenario: Scenario, seed: int) -> Forest:
     larger share has all the missing or invented trees of a smaller one. Radii and heights of a tree are off by two
     factors of mean 1, which are log-normal. Invented trees stand anywhere in the area, and have the sizes of others.
     """
-    errors, occlusion = scenario.believed, scenario.sensing.occlusion
+    errors, assumed = scenario.believed, (scenario.sensing.occlusion, scenario.believed.tree_deviation)
     if errors.knows_trees or not forest.trees:
-        return forest if forest.occlusion == occlusion else Forest(forest.trees, occlusion)
+        return forest if (forest.occlusion, forest.deviation) == assumed else Forest(forest.trees, *assumed)
     shifts, sizes, order, places = (stream(seed, "believed forest", kind) for kind in range(4))
     rows = np.array([astuple(tree) for tree in forest.trees], dtype=float)
     count, spread = len(rows), math.sqrt(log(1.0 + errors.tree_sizes * errors.tree_sizes))
@@ -35,4 +35,4 @@ def believe_forest(forest: Forest, scenario: Scenario, seed: int) -> Forest:
     invented = rows[(drawn[:, 2] * count).astype(np.int64)]
     invented[:, :2] = (drawn[:, :2] - 0.5) * (scenario.area.width, scenario.area.height)
     believed = np.concatenate([np.delete(rows, missing, axis=0), invented])
-    return Forest(tuple(Tree(*row) for row in believed.tolist()), occlusion)
+    return Forest(tuple(Tree(*row) for row in believed.tolist()), *assumed)

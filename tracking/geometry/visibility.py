@@ -10,6 +10,7 @@ import numpy as np
 from tracking.geometry.leaf_gaps import USUAL_PIXEL, USUAL_SLOPE, detectability, detectable_share
 from tracking.geometry.lens import Lens, image_point, in_image, lens_of, pixel_size
 from tracking.geometry.line_of_sight import Grid, cylinder_of, free_share, make_grid, optical_depth
+from tracking.geometry.map_errors import REACH
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
@@ -94,10 +95,13 @@ class Forest:
     Attributes:
         trees: the trees.
         occlusion: `line_of_sight`, or `disc` as in the paper.
+        deviation: standard deviation [m] of the errors of the trees' places along each axis, by which probabilities of
+            detection allow for errors of opaque trees. Other methods take trees to be where the map has them.
     """
 
     trees: tuple[Tree, ...]
     occlusion: Occlusion = "line_of_sight"
+    deviation: float = 0.0
 
     @cached_property
     def is_porous(self) -> bool:
@@ -131,14 +135,19 @@ class Forest:
         """Cylinders (B, 6) on lines of sight: all solids, or with "disc" one opaque disc for each canopy.
 
         Note: [Li22] hides a target whenever it is inside a circle. A disc is a cylinder whose top and bottom are both
-        at the target's height, where every line of sight ends.
+        at the target's height, where every line of sight ends. With a `deviation`, that is a seventh column (B, 7).
         """
-        if self.occlusion == "line_of_sight":
-            return self.cylinders
-        discs = self.canopies.copy()
-        discs[:, 3:5] = TARGET_HEIGHT
-        discs[:, 5] = math.inf
-        return discs
+        found = self.cylinders
+        if self.occlusion == "disc":
+            found = self.canopies.copy()
+            found[:, 3:5] = TARGET_HEIGHT
+            found[:, 5] = math.inf
+        return np.column_stack([found, np.full(len(found), self.deviation)]) if self.deviation else found
+
+    @cached_property
+    def reach(self) -> Array:
+        """Distance (B,) m from the axis of each of the `blockers` within which it may hide people."""
+        return self.blockers[:, 2] + REACH * self.deviation
 
     @cached_property
     def canopies(self) -> Array:
@@ -163,7 +172,9 @@ class Forest:
     @cached_property
     def grid(self) -> Grid:
         """Grid over the `blockers`."""
-        return make_grid(self.blockers)
+        within = self.blockers.copy()
+        within[:, 2] = self.reach
+        return make_grid(within)
 
     def visible(self, cameras: Array, points: Array) -> Flags:
         """Flags (C, N) of points (N, 3) m where cameras (C, 3) m see a person in view with probability 1/2 or more.

@@ -7,12 +7,16 @@ import pytest
 from helpers.flights import IDEAL, fly, fly_ideal, recorded, recording_of
 
 from planning.baselines import Hover
+from sim.facts.sightings import find_sightings, tell_map_error
 from sim.facts.tracking_replay import replay_tracking
 from sim.mission.archive import compute_digest, load_recording, save
 from sim.mission.tracker_setup import make_planned_motion, make_tracker_parameters
 from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario, encode_scenario
+from sim.views.drawing.map_view import MapView
+from sim.views.scene import Scene
 from tracking.errors import InputError
+from tracking.geometry.visibility import Forest, Tree
 
 ERRORS = ("believed.tree_shift=1", "believed.trees_missing=0.3", "believed.trees_invented=0.2")
 
@@ -101,6 +105,31 @@ def test_what_trackers_and_planners_expect_of_people_and_detectors_is_off_by_the
     assert dataclasses.replace(make_planned_motion(setting), walking_speed=1.75, sigma_a=0.75) == make_planned_motion(
         Scenario()
     )
+
+
+def test_explanations_say_where_the_believed_map_has_a_person_in_view_or_hidden():
+    recording = recorded(*IDEAL, "trees.density=75", "believed.trees_missing=1", duration=3)
+    told = 0
+    for k, uav, person in np.ndindex(recording.visible.shape):
+        sighting = find_sightings(recording, k, uav, recording.setting.true_camera(uav))[person]
+        lines = tell_map_error(recording, k, uav, person)
+        assert lines == (["in view by the map that UAVs believe"] if sighting.state == "hidden" else [])
+        told += len(lines)
+    assert told > 10
+    exact = recorded(*IDEAL, "trees.density=75", duration=0.2)
+    assert not any(tell_map_error(exact, 0, *who) for who in np.ndindex(exact.visible.shape[1:]))
+
+
+def test_maps_outline_the_believed_crowns_that_are_not_there():
+    setting, true = load_scenario("forest"), Forest((Tree(-20.0, 10.0), Tree(30.0, 0.0)))
+    believed = Forest((Tree(-20.0, 10.0), Tree(33.0, 0.0)))
+    size = (900, 600)
+    plain, same, other = (MapView(setting, true, size, map_) for map_ in (None, Forest(true.trees), believed))
+    images = [view.draw(Scene(0.0, 0.0, False, False, (), (), (), (), None))[0] for view in (plain, same, other)]
+    np.testing.assert_array_equal(images[0], images[1])
+    rows, columns = np.nonzero((images[0] != images[2]).any(axis=2))
+    away = np.hypot(*(np.column_stack([columns, rows]) - other.pixels([33.0, 0.0])).T) / other.scale
+    assert len(away) > 30 and np.abs(away - 5.0).max() < 3 / other.scale
 
 
 @pytest.mark.parametrize(
