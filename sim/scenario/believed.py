@@ -29,6 +29,8 @@ class Believed(Struct, frozen=True, forbid_unknown_fields=True):
     # m, standard deviation of the positions of trees along each axis that trackers and planners reckon with, whatever
     # `tree_shift` is; by default they take the map to be exact
     tree_deviation: Annotated[float, Meta(ge=0, le=100)] = 0.0
+    # share of all trees that trackers and planners reckon not to know, whatever `trees_missing` is
+    trees_unknown: Annotated[float, Meta(ge=0, le=0.95)] = 0.0
 
     @property
     def knows_trees(self) -> bool:

@@ -1,6 +1,7 @@
 """The map of trees that UAVs believe: trackers, detectors, planners, the search map and explanations ask here."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import astuple
 
 import numpy as np
@@ -19,11 +20,20 @@ def believe_forest(forest: Forest, scenario: Scenario, seed: int) -> Forest:
     larger share has all the missing or invented trees of a smaller one. Radii and heights of a tree are off by two
     factors of mean 1, which are log-normal. Invented trees stand anywhere in the area, and have the sizes of others.
     """
-    errors, assumed = scenario.believed, (scenario.sensing.occlusion, scenario.believed.tree_deviation)
-    if errors.knows_trees or not forest.trees:
-        return forest if (forest.occlusion, forest.deviation) == assumed else Forest(forest.trees, *assumed)
+    errors, occlusion = scenario.believed, scenario.sensing.occlusion
+    trees = forest.trees if errors.knows_trees or not forest.trees else _mislead(forest.trees, scenario, seed)
+    unknown = len(trees) * errors.trees_unknown / (1.0 - errors.trees_unknown)
+    per_area = unknown / (scenario.area.width * scenario.area.height)
+    believed = Forest(trees, occlusion, errors.tree_deviation, per_area)
+    same = (believed.trees, believed.occlusion) == (forest.trees, forest.occlusion)
+    return forest if same and errors.tree_deviation == unknown == 0.0 else believed
+
+
+def _mislead(trees: Sequence[Tree], scenario: Scenario, seed: int) -> tuple[Tree, ...]:
+    """The trees with the errors of `scenario.believed`."""
+    errors = scenario.believed
     shifts, sizes, order, places = (stream(seed, "believed forest", kind) for kind in range(4))
-    rows = np.array([astuple(tree) for tree in forest.trees], dtype=float)
+    rows = np.array([astuple(tree) for tree in trees], dtype=float)
     count, spread = len(rows), math.sqrt(log(1.0 + errors.tree_sizes * errors.tree_sizes))
     rows[:, :2] += errors.tree_shift * standard_normal(shifts, (count, 2))
     factors = exp_each(spread * standard_normal(sizes, 2 * count) - 0.5 * spread * spread)
@@ -35,4 +45,4 @@ def believe_forest(forest: Forest, scenario: Scenario, seed: int) -> Forest:
     invented = rows[(drawn[:, 2] * count).astype(np.int64)]
     invented[:, :2] = (drawn[:, :2] - 0.5) * (scenario.area.width, scenario.area.height)
     believed = np.concatenate([np.delete(rows, missing, axis=0), invented])
-    return Forest(tuple(Tree(*row) for row in believed.tolist()), *assumed)
+    return tuple(Tree(*row) for row in believed.tolist())

@@ -73,6 +73,28 @@ def test_many_trees_hide_independently_whatever_the_raster(occlusion):
     assert partly > 20
 
 
+@pytest.mark.parametrize("occlusion", ["line_of_sight", "disc"])
+def test_of_unknown_trees_none_is_in_the_way_as_often_as_in_drawn_forests(occlusion):
+    """Poisson fields of trees of the mean size of the known ones, on lines that are far from these."""
+    rng, density = np.random.default_rng(8), 0.004
+    known = (Tree(300.0, 300.0, 2.0, 3.0, 6.0, 0.0), Tree(320.0, 300.0, 4.0, 3.0, 8.0, 0.0))
+    forest = Forest(known, occlusion, deviation=0.5, unknown=density)
+    origin, points = np.array([0.0, 0.0, 20.0]), np.array([[0.0, 0.0, 0.85], [7.0, -3.0, 0.85], [-30.0, 20.0, 0.85]])
+    found = [middle_detectability(tuple(origin), tuple(p), 0.1, forest.blockers, forest.grid) for p in points.tolist()]
+    free = np.zeros(len(points))
+    for _ in range(3000):
+        places = rng.uniform(-60, 60, (rng.poisson(density * 120**2), 2))
+        drawn = Forest(tuple(Tree(x, y, 3.0, 3.0, 7.0, 0.0) for x, y in places.tolist()), occlusion)
+        free += drawn.free_shares(origin, points)[0]
+    np.testing.assert_allclose(found, free / 3000, atol=0.022)
+    shares = np.ones(1)
+    lower_detectabilities(shares, np.zeros((2, 1)), 20.0, tuple(points[1].tolist()), 0.1, forest.blockers)
+    assert shares[0] == pytest.approx(found[1], abs=2e-6)
+    assert forest.shares_hidden(origin, points).shape == (3, 2)
+    bare = Forest((), occlusion, deviation=0.5, unknown=density)
+    assert middle_detectability((0.0, 0.0, 20.0), (0.0, 0.0, 0.85), 0.1, bare.blockers, bare.grid) == 1.0
+
+
 @pytest.mark.parametrize("leaves", [math.inf, 0.5])
 def test_planners_and_trackers_have_the_same_probability_and_leaves_come_on_top(leaves):
     rng = np.random.default_rng(6)
