@@ -55,6 +55,15 @@ def test_the_world_stays_true_and_planners_search_and_trackers_get_what_is_belie
     assert left[0] < left[1]
 
 
+def test_planners_and_trackers_reckon_with_errors_of_the_map_and_detectors_do_not():
+    planner = Asked()
+    mission, _ = fly("believed.tree_deviation=0.5", "believed.trees_unknown=0.2", planner=planner, duration=0.2)
+    maps = [situation.forest for situation in planner.team]
+    assert all((m.deviation, m.unknown) == (0.5, mission.believed_forest.unknown) for m in maps) and maps[0].unknown > 0
+    (detector, *_) = set(mission._sensors._mode._detectors.values())
+    assert detector.forest.deviation == detector.forest.unknown == 0.0 and detector.forest.trees == mission.forest.trees
+
+
 def test_hidden_people_are_given_up_by_trackers_that_do_not_know_the_trees():
     def count_held(*errors):
         return len(fly_ideal("trees.density=75", *errors, duration=20)[1][-1].tracks[0])

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from sim.scenario.believed import Believed
 from sim.scenario.environment import Area
@@ -74,6 +75,17 @@ def test_leaf_area_is_off_by_a_factor_and_opaque_crowns_stay_opaque():
     assert all(tree.leaf_area_density == pytest.approx(0.8) for tree in believed(leaf_area=2.0))
     opaque = believed(forest=Forest((Tree(0.0, 0.0),)), leaf_area=0.5, tree_shift=1.0)
     assert math.isinf(opaque[0].leaf_area_density)
+
+
+def test_what_uavs_reckon_with_is_in_the_map_whether_it_errs_or_not():
+    scenario = Scenario(area=AREA, believed=Believed(tree_deviation=0.5, trees_unknown=0.2))
+    found = believe_forest(TRUE, scenario, 0)
+    assert found.trees == TRUE.trees and found.deviation == 0.5
+    assert found.unknown == pytest.approx(1000 / 3e6)  # 4000 of 5000 trees are known
+    half = believe_forest(TRUE, replace(scenario, believed=Believed(trees_missing=0.5, trees_unknown=0.5)), 0)
+    assert len(half.trees) == 2000 and half.unknown == pytest.approx(2000 / 3e6) and half.deviation == 0.0
+    empty = believe_forest(TRUE, replace(scenario, believed=Believed(trees_missing=1.0, trees_unknown=0.5)), 0)
+    assert empty.trees == () and empty.unknown == 0.0
 
 
 def test_errors_are_independent_of_one_another_and_depend_on_the_seed_alone():
