@@ -152,7 +152,8 @@ class Mission:
         bodies = self._world.poses()
         cameras = [uav.camera_pose(body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
-        believed = self._believe(cameras)
+        stamped = self._stamp(bodies)
+        believed = self._mislead([uav.camera_pose(body) for uav, body in zip(self.scenario.uavs, stamped, strict=True)])
         heights = [own.position[2] - true.position[2] for own, true in zip(believed, cameras, strict=True)]
         self._altitude_errors = np.array(heights) if any(self._errors) else None  # m, by which control errs
         shots = [
@@ -174,7 +175,7 @@ class Mission:
             with self.clock.measure("tracking"):
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
                 known = [v + errors.velocity if errors else v for v, errors in velocities]
-                states = list(map(BodyState, self._believe(bodies), known))
+                states = list(map(BodyState, self._mislead(stamped), known))
                 self._situations = self._knowledge.begin_decision(k, states, links, self._working)
         else:
             self._situations = []
@@ -203,13 +204,14 @@ class Mission:
             faults=tuple(faults),
         )
 
-    def _believe(self, poses: Sequence[Pose]) -> list[Pose]:
-        """What each UAV believes of the pose of its body or its camera."""
-        velocities, spins, uavs = self._world.velocities(), self._world.spins(), self.scenario.uavs
-        return [
-            errors.mislead(pose, velocities[i], spins[i] * (uavs[i].mount == "body")) if errors else pose
-            for i, (pose, errors) in enumerate(zip(poses, self._errors, strict=True))
-        ]
+    def _stamp(self, bodies: Sequence[Pose]) -> list[Pose]:
+        """The poses of the bodies that the UAVs' clocks take for those of the present scan."""
+        moving = zip(bodies, self._world.velocities(), self._world.spins(), self._errors, strict=True)
+        return [e.stamp(self.time, body, v, spin) if e else body for body, v, spin, e in moving]
+
+    def _mislead(self, poses: Sequence[Pose]) -> list[Pose]:
+        """What each UAV believes of a pose of its body or its camera."""
+        return [e.mislead(pose) if e else pose for pose, e in zip(poses, self._errors, strict=True)]
 
     def _break_down(self, time: float) -> list[Fault]:
         """Faults of the UAVs that have broken down since the previous scan; they work no longer."""

@@ -1,12 +1,13 @@
 """Navigation of a fleet: what UAVs believe about their poses and velocities, in place of the truth."""
 
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
 
 from sim.scenario.scenario import Scenario
 from tracking.geometry.camera import Pose
-from tracking.geometry.quaternions import rotate
+from tracking.geometry.quaternions import interpolate_poses, rotate
 from tracking.navigation import Navigation
 from tracking.numerics.arrays import Array
 from tracking.numerics.normal import standard_normal
@@ -20,6 +21,7 @@ class NavigationErrors:
         self._rng = rng
         self._biases = navigation.biases * standard_normal(rng, 6)
         self.clock = float(navigation.clock_deviation * standard_normal(rng, 1)[0])  # s
+        self._past: deque[tuple[float, Array]] = deque()  # s, and poses (7,) of the body
         self._drift = navigation.drifts * standard_normal(rng, 6)  # m and rad, of position and attitude
         self._draw_noise()
 
@@ -36,14 +38,29 @@ class NavigationErrors:
         self._noise = self._navigation.noises
         self._noise[:3] *= drawn[2:]
 
-    def mislead(self, pose: Pose, velocity: Array, spin: Array) -> Pose:
-        """What is believed of a pose, given velocity (3,) m/s and, of what turns, angular velocity (3,) rad/s.
+    def stamp(self, time: float, body: Pose, velocity: Array, spin: Array) -> Pose:
+        """The pose that belongs to the present scan by the UAV's clock, given that of the body; call it once a scan.
 
-        Note: the pose at an offset of the clock is extrapolated to first order.
+        time: of the scan [s]; velocity (3,) m/s and angular velocity (3,) rad/s of the body.
+
+        Note: the future is not known, so poses of a clock that is ahead are extrapolated to first order. Those of a
+        clock that is behind are of the body's past, linear between scans, and before the start as at the start.
         """
+        if self.clock == 0.0:
+            return body
+        if self.clock > 0.0:
+            return Pose(body.position + self.clock * velocity, rotate(body.quaternion, spin, self.clock))
+        self._past.append((time, np.append(body.position, body.quaternion)))
+        while len(self._past) > 1 and self._past[1][0] <= time + self.clock:
+            self._past.popleft()
+        times, poses = map(np.array, zip(*self._past, strict=True))
+        (pose,) = interpolate_poses(times, poses, np.maximum([time + self.clock], times[0]))
+        return Pose(pose[:3], pose[3:])
+
+    def mislead(self, pose: Pose) -> Pose:
+        """What is believed of a pose of the time that `stamp` takes."""
         moved, turned = np.split(self._biases + self._drift + self._noise, 2)
-        position = pose.position + moved + self.clock * velocity
-        return Pose(position, rotate(pose.quaternion, turned + self.clock * spin, 1.0))
+        return Pose(pose.position + moved, rotate(pose.quaternion, turned, 1.0))
 
 
 def make_navigation_errors(

@@ -15,7 +15,6 @@ from tracking.track import Scan, Track
 from tracking.tracker import Tracker
 
 DT, NOISE = 0.2, 0.3  # s between scans; m, of a detection
-STILL = np.zeros(3)
 
 
 def hover(time):
@@ -66,11 +65,11 @@ def make_fleet(seed, figures, *, uavs=2, scans=51, people=2, path=hover, jumps=(
         for _, uav, metres in (j for j in jumps if j[0] == k):
             jumped[uav] += metres / np.sqrt(2.0)
         now, time = [], DT * k
-        velocity = np.append(path(time + 5e-4) - path(time - 5e-4), 0.0) / 1e-3
         for i, e in enumerate(errors):
-            x, y = path(time)
-            true = Pose.level(x + 6.0 * i - 3.0 * (uavs - 1), y, 40.0)
-            believed = e.mislead(true, velocity, STILL)
+            true, stamped = (
+                Pose.level(x + 6.0 * i - 3.0 * (uavs - 1), y, 40.0) for x, y in (path(time), path(time + e.clock))
+            )
+            believed = e.mislead(stamped)
             believed = Pose(believed.position + np.append(jumped[i], 0.0), believed.quaternion)
             z = np.array([s[:2] + NOISE * rng.standard_normal(2) for s in state])
             z = move_to_believed(z, true, believed)

@@ -68,17 +68,21 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
     values = np.array([*pairs.values()]).reshape(len(pairs), len(metrics))
     maps = np.array([seed for seed, _ in pairs], dtype=object)
     gaps = average_by_map(values, maps)
-    judged = zip(estimate_means(gaps), compute_p_values(gaps), count_maps_needed(gaps), strict=True)
+    ranges = _find_ranges(metrics)
+    judged = zip(estimate_means(gaps, ranges), compute_p_values(gaps, ranges), count_maps_needed(gaps), strict=True)
     found = []
-    for j, (metric, (mean, p_value, needed)) in enumerate(zip(metrics, judged, strict=True)):
+    for j, (metric, widest, (mean, p_value, needed)) in enumerate(zip(metrics, ranges, judged, strict=True)):
         below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
         won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metric.better]
         paired_maps = below + tied + above
         counts = paired_maps, len(gaps) - paired_maps, won, tied, lost, cells
-        widest = metric.most - metric.least  # largest possible difference
-        mean = mean.cut(-widest, widest)
-        found.append(Difference(mean, *counts, p_value=p_value, needed=needed))
+        found.append(Difference(mean.cut(-widest, widest), *counts, p_value=p_value, needed=needed))
     return found
+
+
+def _find_ranges(metrics: Sequence[Metric]) -> list[float]:
+    """Largest possible difference of two values of each metric; infinite if it has no bounds."""
+    return [metric.most - metric.least for metric in metrics]
 
 
 def average_by_map(values: Array, maps: NDArray[np.object_]) -> Array:
@@ -222,7 +226,7 @@ def _answer_one(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             tail=find_tail(of_maps[:, j], seeds, metric),
         )
         for j, (metric, mean, median) in enumerate(
-            zip(metrics, estimate_means(of_maps), estimate_medians(of_maps), strict=True)
+            zip(metrics, estimate_means(of_maps, _find_ranges(metrics)), estimate_medians(of_maps), strict=True)
         )
     ]
 

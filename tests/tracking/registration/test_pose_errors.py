@@ -36,11 +36,12 @@ def test_slopes_are_the_derivatives_of_where_rays_meet_the_ground():
 def test_covariances_are_those_of_sampled_errors(name):
     true, points = Pose.level(1, 2, 20), np.array([[1.0, 2.0], [9.0, 2.0], [-5.0, 10.0]])
     drawn = [NavigationErrors(NAVIGATION[name], np.random.default_rng(seed)) for seed in range(6000)]
-    believed = [errors.mislead(true, np.append(VELOCITY, 0.0), np.zeros(3)) for errors in drawn]
+    velocity = np.append(VELOCITY, 0.0)
+    believed = [e.mislead(Pose(true.position + e.clock * velocity, true.quaternion)) for e in drawn]
     moved = np.array([move_to_believed(points, true, pose) for pose in believed]) - points
     registration = make_registration(NAVIGATION[name], "inflate", known=True)
     for time in (0.0, 0.2, 0.4):  # the velocity is that from scan to scan
-        pose = Pose(true.position + (time - 0.4) * np.append(VELOCITY, 0.0), true.quaternion)
+        pose = Pose(true.position + (time - 0.4) * velocity, true.quaternion)
         scan = registration.correct(Scan(0, time, pose, points, np.zeros((3, 2, 2))))
     np.testing.assert_array_equal(scan.measurements, points)
     for k, expected in enumerate(scan.covariances):

@@ -19,7 +19,6 @@ from tracking.registration.registration import make_registration
 from tracking.track import Beliefs, Scan, Track
 from tracking.tracker import Tracker
 
-STILL = np.zeros(3)
 ABOVE = Pose.level(0, 0, 20)
 H = np.eye(2, 4)
 
@@ -164,7 +163,7 @@ def share(seed, uavs=2, scans=51, figures=Navigation(horizontal_drift=1.0, horiz
         centre, now = np.mean([s[:2] for s in state], axis=0), []
         for i, e in enumerate(errors):
             true = Pose.level(centre[0] + 6.0 * i - 3.0, centre[1], 20.0)
-            believed = e.mislead(true, STILL, STILL)
+            believed = e.mislead(true)
             z = np.array([s[:2] + 0.3 * rng.standard_normal(2) for s in state])
             now.append(
                 Scan(i, 0.2 * k, believed, move_to_believed(z, true, believed), np.tile(0.09 * np.eye(2), (2, 1, 1)))

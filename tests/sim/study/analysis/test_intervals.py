@@ -62,16 +62,25 @@ def test_intervals_of_means_and_medians_cover_as_often_as_they_say():
     assert 0.94 <= covered <= 0.97
 
 
+def test_ends_are_moved_by_a_part_of_the_range_that_shrinks_with_the_finite_maps():
+    values = np.random.default_rng(5).uniform(size=(10, 3))
+    values[:2, 1] = np.nan
+    narrow, wide = estimate_means(values), estimate_means(values, [1.0, 2.0, np.inf])
+    moved = [(a.low - b.low, b.high - a.high, b.value - a.value) for a, b in zip(narrow, wide, strict=True)]
+    np.testing.assert_allclose(moved, [(0.008, 0.008, 0), (0.02, 0.02, 0), (0, 0, 0)], atol=1e-12)
+
+
+@pytest.mark.parametrize("ranges", [(), [1.0], [20.0]])
 @pytest.mark.parametrize("n", [6, 8, 20])
-def test_the_p_value_is_that_of_the_interval_that_ends_at_zero(n, monkeypatch):
+def test_the_p_value_is_that_of_the_interval_that_ends_at_zero(n, ranges, monkeypatch):
     for seed, shift in ((1, 0.8), (2, -1.5), (3, 3.0)):
         values = skewed(n, seed=seed) - shift
-        (p_value,) = compute_p_values(values)
+        (p_value,) = compute_p_values(values, ranges)
         if p_value in (1.0, 2.0 ** (1 - n)):
             continue
         with monkeypatch.context() as patch:
             patch.setattr(intervals, "LEVEL", 1 - p_value)
-            estimate = estimate_means(values)[0]
+            estimate = estimate_means(values, ranges)[0]
         assert (estimate.low if estimate.value > 0 else estimate.high) == pytest.approx(0, abs=1e-9)
 
 
