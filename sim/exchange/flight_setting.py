@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from sim.exchange.values import LoggedFlight, LoggedUav
@@ -81,6 +82,7 @@ def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -
             **data,
             "duration": end or 1 / rate,
             "dynamics": "kinematic",
+            "geo": msgspec.to_builtins(flight.geo),
             "trees": {"file": os.path.abspath(stems), **pick_tree_keys(given)} if stems.exists() else {"density": 0},
             "people": people,
             "uavs": list(_list_uavs(data.get("uavs", ()), flight)),

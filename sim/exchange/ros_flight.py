@@ -32,12 +32,14 @@ _NORM = 1e-2  # error of a quaternion's norm from which it is refused
 
 
 class BagFlight(NamedTuple):
-    """What a bag has of a flight, by the number of the UAV."""
+    """What a bag, or another source, has of a flight, by the number of the UAV."""
 
     cameras: dict[int, LoggedCamera]
     poses: dict[int, PoseLog]
     frames: dict[int, CameraFrames]
     remarks: list[str]
+    epoch: float = math.nan  # s, time since 1970 of the zero of frames' times, if they are not since 1970
+    longer: bool = False  # True if poses are of logs, which hold what was before and after the frames, too
 
 
 class _Link(NamedTuple):

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from sim.scenario.csv_tables import RowErrors, TableRow, read_csv
 from sim.scenario.environment import MOST_LEAVES, STANDS, Trees
+from sim.scenario.geo import NOWHERE_ON_THE_MAP, Geo
 from sim.scenario.scenario import Scenario
 from sim.world.trajectories import Trajectories
 from tracking.errors import InputError, spell
@@ -78,16 +79,19 @@ class StemMap:
         return np.array([(tree.x, tree.y) for tree in self.trees], dtype=float).reshape(-1, 2)
 
 
-def read_stem_map(path: Path, field: str, missing: Trees, least: float = 0.01) -> StemMap:
+def read_stem_map(
+    path: Path, field: str, missing: Trees, least: float = 0.01, geo: Geo = NOWHERE_ON_THE_MAP
+) -> StemMap:
     """Read a stem map with the columns x and y [m], and maybe others for sizes; `missing` gives sizes that are missing.
 
     Sizes are crown_radius, crown_base, height and trunk_radius, of at least `least` m; or dbh, the diameter at breast
     height, in place of trunk_radius; leaf_area_density [m²/m³] makes a crown porous. Names may end with a unit. Without
-    one, dbh is in cm unless no forest could have such trunks. `missing.origin` is subtracted from positions. InputError
-    begins with `field` and names file, line and column of a wrong entry, also of stems at the same place.
+    one, dbh is in cm unless no forest could have such trunks. `missing.origin` is subtracted from positions; `geo` says
+    where the map is, if they are on it. InputError begins with `field` and names file, line and column of a wrong
+    entry, also of stems at the same place.
     """
     rows: list[TableRow] = []
-    for row in read_csv(path, field, ("x", "y"), _ALIASES, spares=_SPARES):
+    for row in read_csv(path, field, ("x", "y"), _ALIASES, spares=_SPARES, geo=geo):
         if len(rows) == MAX_STEMS:
             raise InputError(f"{row.where}: has more than the {MAX_STEMS} trees that are allowed")
         rows.append(row)
@@ -306,24 +310,24 @@ def _doubt(found: StemMap, rows: Sequence[TableRow], name: str) -> Iterator[str]
             yield f"{name}: the next stem is {spell(gap, 3)} m away in the median; x_cm and y_cm give units"
 
 
-def _read_map(trees: Trees) -> StemMap:
+def _read_map(trees: Trees, geo: Geo) -> StemMap:
     """The scenario's stem map, which has trees."""
     assert trees.stem_map is not None
-    found = read_stem_map(trees.stem_map, "trees.file", trees)
+    found = read_stem_map(trees.stem_map, "trees.file", trees, geo=geo)
     if not found.trees:
         none = "has no rows below the names of its columns; trees.density = 0 in its place means no trees"
         raise InputError(f"trees.file: {trees.stem_map}: {none}")
     return found
 
 
-def describe_stem_map(trees: Trees) -> tuple[str, list[str]]:
+def describe_stem_map(trees: Trees, geo: Geo) -> tuple[str, list[str]]:
     """What the scenario's stem map holds, in one line, and remarks on what is assumed, odd or not used.
 
     Both are empty without a stem map, and for packaged ones. InputError as from `read_stem_map`, or without trees.
     """
     if trees.stem_map is None or trees.file in STANDS:
         return "", []
-    found = _read_map(trees)
+    found = _read_map(trees, geo)
     return found.summary, list(found.remarks)
 
 
@@ -333,7 +337,7 @@ def plant(scenario: Scenario, recorded: Trajectories | None) -> Forest:
     recorded: people's trajectories from a file, through which no trunk may stand. InputError names the row of a stem
     outside the area, a crown that is not far enough below every UAV, or a trunk on somebody's path.
     """
-    found = _read_map(scenario.trees)
+    found = _read_map(scenario.trees, scenario.geo)
     _check_places(found, scenario)
     _check_heights(found, scenario)
     if recorded is not None:

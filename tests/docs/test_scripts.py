@@ -19,6 +19,7 @@ from sim.study.trials import list_trials
 sys.path.append(str(DOCS))
 import canopy
 import flights
+import how_many
 import mismatch
 import scale
 
@@ -31,6 +32,30 @@ def test_fewer_people_show_under_denser_crowns_and_most_do_in_the_open():
         assert (rows[rows[:, 0] == 0, 1] > 0).mean() > 0.85  # an opaque crown hides people beside it, too
     shown = [(rows[rows[:, 0] > 0, 1] > 0).mean() for rows in (thin, dense)]
     assert shown[0] > 0.95 and shown[1] < 0.5
+
+
+def test_the_page_on_fleets_gets_means_figure_and_verdict_of_the_study(tmp_path, monkeypatch):
+    """The share held rises with the size, by a tenth for each UAV, and is a little less from far above."""
+    with Store.open(tmp_path, "how-many") as store:
+        for task in list_trials(replace(how_many.STUDY, seeds="0-3")):
+            height, size = (float(dict(task.factors)[name]) for name in ("altitude", "fleet"))
+            held = {"share_held": 0.4 + 0.1 * size - height / 1000 + 0.002 * task.seed}
+            store.add(task, replace(invented(task), metrics=held))
+    page = tmp_path / "page.md"
+    page.write_text("# How\n\n## Result\n\nold\n")
+    monkeypatch.setattr(how_many, "PAGE", page)
+    monkeypatch.setattr(how_many, "PICTURE", tmp_path / "how-many.png")
+    for _ in range(2):  # again it replaces what it wrote
+        how_many.main(str(tmp_path))
+    text = page.read_text()
+    assert text.startswith("# How\n\n## Result\n\nShare of five") and "old" not in text and text.count("| m |") == 1
+    lines = [line.split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    assert lines[0] == ["| m", "1", "2", "3", "4", "5", "6 |"]
+    assert [line[0] for line in lines[1:]] == ["| ---", "| 15", "| 30", "| 50", "| 80"]
+    assert lines[2][1].startswith("48.8 [") and lines[5][5].startswith("82.3 [")
+    assert [[cell.startswith("**") for cell in line[1:]] for line in lines[2:]] == [[False] * 5 + [True]] * 4
+    assert "fleet = 6, altitude = 15 was the cheapest of 24 with a mean of at least 90 % on seeds 0-1" in text
+    assert (tmp_path / "how-many.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
