@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 from msgspec import Meta, Struct, field
 
+from sim.scenario.believed import Believed
 from sim.scenario.environment import APPEARANCES, WALKS, Appearance, Area, People, Trees, Wind
 from sim.scenario.fleet import MOST_UAVS, Fleet, resize
 from sim.scenario.geo import Geo
@@ -87,6 +88,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     network: Network = field(default_factory=Network)
     appearance: Appearance = field(default_factory=Appearance)
     wind: Wind = field(default_factory=Wind)
+    believed: Believed = Believed()  # errors of what UAVs believe of the world
 
     def __post_init__(self) -> None:
         for registry, name in self.plugins:
@@ -101,6 +103,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if not any(self.works(i, 0.0) for i in range(len(self.uavs))):
             raise ValueError("uavs: all have fails_at 0; at least one has to work at the start")
         self.network.check(len(self.uavs))
+        self.believed.mislead(self.tracking)
         check_workload(self)
         self._check_times()
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
@@ -219,6 +222,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if self.sensing.noise == "range_bearing":
             return NoiseModel.range_bearing(own.alpha)
         return NoiseModel.camera(own.believed_camera, own.altitude)
+
+    @property
+    def believed_tracking(self) -> Tracking:
+        """Settings of trackers and planners, with the errors of what they believe of people and detectors."""
+        return self.believed.mislead(self.tracking)
 
     def works(self, uav: int, time: float) -> bool:
         """True if a UAV has not broken down at a time [s]."""

@@ -89,15 +89,17 @@ class SensorSetup:
 
     Attributes:
         scenario: settings of the mission.
-        forest: trees and their model of occlusion.
+        forest: true trees and their model of occlusion.
         cameras: one per UAV, as the fleet believes them to be.
         rng: source of what the mode draws at random.
+        believed_forest: the map that UAVs, and so their detectors, believe.
     """
 
     scenario: Scenario
     forest: Forest
     cameras: list[Camera]
     rng: np.random.Generator
+    believed_forest: Forest
 
 
 @dataclass(frozen=True, eq=False)
