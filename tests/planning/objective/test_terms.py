@@ -220,6 +220,20 @@ def test_connectivity_counts_the_uavs_outside_the_connected_component(random_tea
     np.testing.assert_allclose(found, 7.0 * expected)
 
 
+@pytest.mark.parametrize(("above", "unlinked"), [(14.0, 0), (16.0, 1)])
+@pytest.mark.parametrize("deciding", [[0], [0, 1]])
+def test_radios_reach_as_far_upwards_as_sideways(random_team, deciding, above, unlinked):
+    """A UAV above another one that hovers, whose plans all stay within 1 m; radios reach 15 m."""
+    team = refitted(
+        random_team(0, uavs=2),
+        lambda v: dataclasses.replace(v, position=np.array([2.0, 3.0, 17.0 + above * v.id])),
+    )
+    situation = dataclasses.replace(team[0], radio_range=15.0)
+    candidates = np.random.default_rng(0).uniform(-0.3, 0.3, (20, len(deciding), 3, 2))
+    found = Connectivity(7.0).objective(situation, np.zeros((2, 3, 2)), deciding)(candidates)
+    np.testing.assert_array_equal(found, np.full(20, 7.0 * 3 * unlinked))
+
+
 def test_a_pair_out_of_range_flies_together_if_that_is_worth_more(random_team):
     """Two UAVs 40 m apart whose radios reach 30 m, and no people."""
     team = [
