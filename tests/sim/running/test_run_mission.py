@@ -102,7 +102,9 @@ def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp
 def test_ctrl_c_and_sigterm_in_a_real_process_leave_nothing_at_the_start_and_a_whole_run_in_flight(
     tmp_path, sign, number
 ):
-    words = "-m sim run --planner hover --set sensing.mode=ideal --duration 10min --out".split()
+    words = (
+        "-m sim run --planner sma-nbo --set sensing.mode=ideal --duration 10min --out".split()
+    )  # about as fast as the clock
     process = python(*words, tmp_path / "out", started=True)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob(f".out.{sign}")) and time.monotonic() < deadline:

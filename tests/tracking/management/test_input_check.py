@@ -26,6 +26,8 @@ def with_second(covariance) -> np.ndarray:
         ({"covariances": R[None]}, r"of a scan of 2 measurements must be \(2, 2, 2\), are \(1, 2, 2\)"),
         ({"covariances": with_second([[1, math.nan], [math.nan, 1]])}, r"covariances\[1\] must be finite, symm.*nan"),
         ({"covariances": with_second([[1, 0.5], [0.4, 1]])}, r"symmetric and positive definite, is \[\[1.0, 0.5\], \["),
+        ({"covariances": with_second([[1, 2], [2, 1]])}, r"symmetric and positive definite, is \[\[1.0, 2.0\], \["),
+        ({"covariances": with_second([[-1, 0], [0, -1]])}, r"symmetric and positive definite, is \[\[-1.0, 0.0\], \["),
         ({"time": math.nan}, "time of a scan must be finite, is nan"),
         ({"time": -0.2}, "scan at -0.2 s is not after the last one at 0.0 s"),
         ({"pose": Pose(np.array([0, 0, math.nan]), ABOVE.quaternion)}, "pose.position of a scan must be three finite"),
