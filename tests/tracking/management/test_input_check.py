@@ -28,6 +28,7 @@ def with_second(covariance) -> np.ndarray:
         ({"covariances": with_second([[1, 0.5], [0.4, 1]])}, r"symmetric and positive definite, is \[\[1.0, 0.5\], \["),
         ({"covariances": with_second([[1, 2], [2, 1]])}, r"symmetric and positive definite, is \[\[1.0, 2.0\], \["),
         ({"covariances": with_second([[-1, 0], [0, -1]])}, r"symmetric and positive definite, is \[\[-1.0, 0.0\], \["),
+        ({"covariances": with_second(np.diag([1.0, math.inf]))}, r"covariances\[1\] must be finite, symm.*inf"),
         ({"time": math.nan}, "time of a scan must be finite, is nan"),
         ({"time": -0.2}, "scan at -0.2 s is not after the last one at 0.0 s"),
         ({"pose": Pose(np.array([0, 0, math.nan]), ABOVE.quaternion)}, "pose.position of a scan must be three finite"),
