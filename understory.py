@@ -15,6 +15,7 @@ from concurrent.futures import Executor
 from contextlib import nullcontext, suppress
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ from sim.exchange.export import EXPORTS, LABELS, check_options, write_labelled_i
 from sim.exchange.export import export as write_export
 from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import name_flight, track_flight
+from sim.facts.columns import make_dataframe
 from sim.facts.flight import Flight, load
 from sim.facts.metrics.metric import Metric, Outcome
 from sim.mission.mission import Mission
@@ -58,10 +60,14 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_overrides
 from sim.sensing.detector_check import check_detector
 from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup, Shot
+from sim.study.analysis.groups import find_varying_factors
+from sim.study.analysis.levels import Threshold, find_levels
 from sim.study.definition import adapt_study, make_study, read_study
 from sim.study.executors import Pool
+from sim.study.report.comparison import About, compare_rows
+from sim.study.report.levels import list_level_fields
 from sim.study.scheduler import complete, fly_trials
-from sim.study.store import Store, tabulate_rows
+from sim.study.store import Store, read_rows, tabulate_rows
 from sim.study.trials import list_trials
 from sim.world.walks import Itinerary
 from tracking.detection.detector import Detections, Detector, Frame
@@ -103,6 +109,7 @@ __all__ = [  # noqa: RUF022 - grouped by who needs the names
     "track",
     # Who compares planners: missions on the same maps, as data frames.
     "compare",
+    "compare_levels",
     "fly_study",
     # Who decides each step: missions in Python, and environments for learning.
     "Mission",
@@ -297,6 +304,7 @@ def compare(
     seeds: Iterable[int] = range(10),
     repeats: int = 1,
     settings: Mapping[str, Any] | None = None,
+    vary: Mapping[str, Sequence[Any]] | None = None,
     workers: int | None = None,
     executor: Executor | None = None,
 ) -> Any:  # noqa: ANN401 - pandas' or polars' frame, of which neither is needed otherwise
@@ -310,19 +318,22 @@ def compare(
         seeds: Maps to fly. Each seed gives one forest and its people, the same for all planners.
         repeats: Number of flights on each map, each with different noise.
         settings: Keys of the scenarios to change, as {"trees.density": 75}.
+        vary: Levels by key of the scenarios or `planner.option`, as {"fleet.size": [1, 2], "planner.horizon": [3, 5]};
+            all their combinations are flown.
         workers: Number of processes; by default one per core.
         executor: Flies the missions in place of such processes, for example dask's `client.get_executor(pure=False)`.
 
     Returns:
         A pandas data frame, or a polars one if pandas is not installed. Its columns are planner, scenario, seed,
-        repeat, status, and one per metric, such as `ospa.mean_m`. A failed mission has an error in place of metrics.
+        repeat, status, one per metric, such as `ospa.mean_m`, and one per varied key, as `factor.fleet.size`. A failed
+        mission has an error in place of metrics.
 
     Raises:
         InputError: If an argument cannot be used, or neither pandas nor polars is installed.
     """
     tabulate_rows([])  # raises the error for a missing library now rather than after the flights
     processes = None if workers is None else parse_integer(workers, "workers", least=1, most=WORKERS)
-    listed = list_trials(make_study(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
+    listed = list_trials(make_study(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings, vary=vary))
     with nullcontext(executor) if executor else Pool(processes) as flying:
         return tabulate_rows(fly_trials(listed, flying))
 
@@ -360,6 +371,32 @@ def fly_study(
     made = adapt_study(read_study(str(study)), planners=names, seeds=seeds, overrides=format_overrides(settings))
     with Store.open(Path(out), made.name) as store, nullcontext(executor) if executor else Pool() as flying:
         return tabulate_rows(complete(list_trials(made), store, flying))
+
+
+def compare_levels(folder: str | Path, metric: str | None = None, *, threshold: float | None = None) -> Any:  # noqa: ANN401
+    """Compare the levels of each factor of a study that was flown, and return a data frame with a row for each level.
+
+    Args:
+        folder: Folder of the study's results, such as that of `understory compare`.
+        metric: What is compared; by default the first metric of the report.
+        threshold: Value that the metric is to reach, or not to exceed if lower values are better.
+
+    Returns:
+        A data frame as that of `compare`. It has the mean with its 95 % interval for each planner, level of a factor
+        and combination of the other factors; paired differences from the level before (`minus_before`) and the best
+        level (`minus_best`) with intervals, p-values and Holm's correction; and the confidence that the mean meets the
+        threshold (`sure`), with the number of maps that do (`met`). Values are in SI units, levels in natural order.
+
+    Raises:
+        InputError: If there is no such study or metric, or neither pandas nor polars is installed.
+    """
+    rows = read_rows(folder)
+    compared = compare_rows(rows, About("", metrics=(metric,) if metric else ()))
+    first = compared.metrics[0]
+    bound = None if threshold is None else Threshold(first.name, threshold, first.better != "lower")
+    found = find_levels(compared.groups, first, find_varying_factors(compared.groups), bound)
+    fields = list_level_fields(found, first)
+    return make_dataframe({name: [row[name] for row in fields] for name in dict.fromkeys(chain(*fields))})
 
 
 def export(

@@ -2,8 +2,9 @@
 
 `python docs/generate.py` writes tables of reference and results. That of some keys of a scenario stands between the
 lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- planners -->`, `<!-- metrics -->` and, of the
-default planner or of one that is named, `<!-- planner options -->`; those of `scores.py` with `<!-- gaps: METRIC -->`;
-signatures and docstrings of what `understory` exports with `<!-- api: run compare -->`. MkDocs calls the functions
+default planner or of one that is named, `<!-- planner options -->`; those of `scores.py` and `board.py` with
+`<!-- gaps: METRIC -->` and `<!-- board -->`; signatures and docstrings of what `understory` exports with
+`<!-- api: run compare -->`. MkDocs calls the functions
 `on_...`: `{{ commands }}` becomes the help of all commands, a formula between `$$` becomes MathML, and each tutorial is
 written as a notebook, too.
 """
@@ -66,10 +67,12 @@ def on_files(files: Any, config: Any, **_: object) -> Any:  # noqa: ANN401 - MkD
 
 def generated(markdown: str) -> str:
     """A page with the tables that its marks ask for."""
+    from board import ENTRIES, make_table
     from scores import gaps_table
 
     makers = {"keys": keys_table, "planners": planners_table}
     makers |= {"planner options": options_table, "gaps": gaps_table, "metrics": metrics_table, "api": api_text}
+    makers |= {"board": lambda: make_table(sorted(file.parent for file in ENTRIES.glob("*/entry.toml")))}
 
     def made(mark: re.Match[str]) -> str:
         table = makers[mark[2]](*(mark[3] or "").split())

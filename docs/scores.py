@@ -55,11 +55,12 @@ _DIGITS = 10  # of a metric: the same trial gives all of them again
 METRICS = ("gospa.mean_m", "ospa.share_under_1m", "share_held", "time_to_find_s")
 
 
-def trials() -> list[TrialRow]:
-    """The trials that are listed."""
-    if not TRIALS.exists():
+def trials(path: Path | None = None) -> list[TrialRow]:
+    """The trials that a file lists, by default that of the page; none if there is no file."""
+    path = path or TRIALS
+    if not path.exists():
         return []
-    with TRIALS.open(encoding="utf-8", newline="") as file:
+    with path.open(encoding="utf-8", newline="") as file:
         return [_row(line) for line in csv.DictReader(file)]
 
 
@@ -70,18 +71,18 @@ def _row(line: dict[str, str]) -> TrialRow:
     return TrialRow(**place, version=line["version"], status="done", metrics=metrics)
 
 
-def add(folders: Iterable[Path]) -> None:
-    """Add the trials of studies to the list, which has each once, in the order of worlds, planners and seeds.
+def add(folders: Iterable[Path], path: Path | None = None) -> None:
+    """Add the trials of studies to a list, which has each once, in the order of worlds, planners and seeds.
 
     The last that was flown counts; flights with other settings than the study's are in other worlds, and left out.
     """
     settings = {(cell.scenario, _view(cell.factors)): cell.settings for cell in list_cells(STUDY)}
     flown = [row for folder in folders for row in read_rows(folder) if row.study == STUDY.name]
     flown = [row for row in flown if row.settings == settings.get((row.scenario, _view(row.factors)))]
-    done = [*trials(), *(row for row in flown if row.status == "done" and row.repeat == 0)]
+    done = [*trials(path), *(row for row in flown if row.status == "done" and row.repeat == 0)]
     found = {(row.scenario, row.planner, _view(row.factors), row.seed): row for row in done}
     listed = sorted(found.items(), key=lambda entry: (STUDY.scenarios.index(entry[0][0]), *entry[0][1:]))
-    with write_whole(TRIALS) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
+    with write_whole(path or TRIALS) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["world", "planner", VIEW, "seed", "version", *METRICS])
         for place, row in listed:
@@ -123,10 +124,10 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
         [_marked(gap, metric, next(survives), interval=bool(world) or gap is line[-1]) for gap in line] for line in gaps
     ]
     lines = [[f"`{name}`", *line] for name, line in zip(planners, texts, strict=True) if name not in FLOORS]
-    return _format_table(heads, [*means.values(), *lines])
+    return format_table(heads, [*means.values(), *lines])
 
 
-def _format_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def format_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table in Markdown."""
     return "\n".join(f"| {' | '.join(line)} |" for line in (heads, ["---"] * len(heads), *rows))
 

@@ -25,7 +25,6 @@ from planning.prediction.propagation import MonteCarlo, Nominal, Propagation, no
 from planning.prediction.response import mean_velocities, response
 from planning.prediction.surroundings import find_surroundings
 from planning.prediction.targets_in_reach import find_targets_in_reach
-from tracking.geometry.visibility import Forest
 from tracking.management.escapes import Escapes
 from tracking.numerics.arrays import Array
 from tracking.track import Track
@@ -261,7 +260,7 @@ class Composed:
     def _apply_models(self, situation: Situation) -> Situation:
         """The situation with the occlusion model and the motion model of this planner."""
         if self.occlusion and self.occlusion != situation.forest.occlusion:
-            situation = replace(situation, forest=Forest(situation.forest.trees, self.occlusion))
+            situation = replace(situation, forest=replace(situation.forest, occlusion=self.occlusion))
         if self.prediction == "step":
             situation = replace(situation, motion=replace(situation.motion, scans=1))
         return situation

@@ -185,6 +185,16 @@ def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path):
     assert row["recording"] == compute_digest(alone.recording)
 
 
+def test_what_a_comparison_varies_is_a_column():
+    vary = {"fleet.size": range(1, 3), "network.loss": [0.5]}
+    with ThreadPoolExecutor(1) as executor:
+        table = understory.compare("hover", seeds=[4], settings=SHORT, vary=vary, executor=executor)
+    assert list(table["factor.fleet.size"]) == ["1", "2"] and set(table["factor.network.loss"]) == {"0.5"}
+    for size, recording in enumerate(table["recording"], start=1):
+        settings = {**SHORT, "fleet.size": size, "network.loss": 0.5}
+        assert recording == compute_digest(understory.run(planner="hover", seed=4, settings=settings).recording)
+
+
 def test_an_export_is_that_of_the_command_and_only_images_take_several_flights(tmp_path, monkeypatch, capsys):
     flight = understory.run(planner="hover", settings=SHORT)
     flight.save(tmp_path / "flown.npz")

@@ -71,7 +71,7 @@ def _find_hiding_cylinders(
     """
     sights = np.array([(*v.position, viewing_range(v), v.max_speed * duration) for v in vehicles])
     points, order = points.reshape(-1, 3), forest.from_west
-    reach = forest.blockers[:, 2] + _compute_reach(forest.blockers, points, sights.reshape(-1, 5))
+    reach = forest.reach + _compute_reach(forest.blockers, points, sights.reshape(-1, 5))
     columns, offsets = _find_cylinders_within(points, forest.blockers, reach, order)
     return forest.blockers[columns], offsets
 

@@ -1,5 +1,6 @@
 """`understory compare`."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -9,10 +10,11 @@ import typer
 from planning.catalogue import COMPARED
 from planning.planner_loading import load_planner
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES
-from sim.scenario.quantities import REPEATS, WORKERS, parse_duration, parse_integer, parse_integers
+from sim.scenario.quantities import REPEATS, WORKERS, parse_duration, parse_integer, parse_integers, parse_number
 from sim.scenario.text_files import read_toml
-from sim.study.analysis.metric_choice import find_outside_metrics
-from sim.study.cells import add_trackers
+from sim.study.analysis.levels import Threshold
+from sim.study.analysis.metric_choice import find_outside_metrics, find_shown_metric
+from sim.study.cells import add_trackers, parse_factor
 from sim.study.definition import STUDIES, Study, adapt_study, read_study
 from sim.study.executors import Pool, connect
 from sim.study.report.comparison import make_about
@@ -63,6 +65,21 @@ _Labels = Annotated[
 _Metrics = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/how-to/studies.md; repeatable.")
 ]
+_Vary = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="KEY=LEVELS",
+        help="Compare levels of a setting, of planner.OPTION or of scenario: network.loss=0,0.5 or fleet.size=1-6; "
+        "repeatable.",
+    ),
+]
+_AtLeast = Annotated[
+    str | None,
+    typer.Option(metavar="METRIC=VALUE", help="Find the cheapest levels that reach a value, such as share_held=0.9."),
+]
+_AtMost = Annotated[
+    str | None, typer.Option(metavar="METRIC=VALUE", help="The same for an upper bound, such as gospa.mean_m=2.")
+]
 _Workers = Annotated[str | None, typer.Option(metavar="N", help="Number of processes that fly. Default: one per core.")]
 _Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster, such as tcp://host:8786.")]
 _Keep = Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each trial's mission.npz.")]
@@ -82,6 +99,9 @@ def compare(
     out: _Out = None,
     baseline: _Baseline = None,
     label: _Labels = None,
+    vary: _Vary = None,
+    at_least: _AtLeast = None,
+    at_most: _AtMost = None,
     metric: _Metrics = None,
     workers: _Workers = None,
     dask: _Dask = None,
@@ -105,13 +125,16 @@ def compare(
         seeds=seeds,
         repeats=number,
         overrides=changes,
+        vary=dict(map(parse_factor, vary or ())),
     )
+    threshold = _read_threshold(at_least, at_most)
     processes = _read_workers(workers, dask)
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
     if keep is not None:
         check_known("--keep", keep, ["recordings"])
-    trials = list_trials(chosen, find_outside_metrics(metric or ()))
-    about = make_about(chosen, trials, baseline=baseline, labels=label or (), metrics=metric or ())
+    bounded = (threshold.metric,) if threshold else ()
+    trials = list_trials(chosen, find_outside_metrics([*bounded, *(metric or ())]))
+    about = make_about(chosen, trials, baseline=baseline, labels=label or (), metrics=metric or (), threshold=threshold)
     default = Path("runs") / chosen.name
     folder = out or choose_folder(default, chosen.name, trials)
     if folder not in (out, default):
@@ -119,6 +142,29 @@ def compare(
     options = Options(limit, None if keep is None else folder / "recordings", redo)
     executor = connect(dask) if dask is not None else context.obj.executor or Pool(processes, limit)
     show_study(fly_study(chosen, trials, folder, executor, options), folder, about)
+
+
+def _read_threshold(at_least: str | None, at_most: str | None) -> Threshold | None:
+    """The threshold of either option, at most one of which is given; None if neither is."""
+    if at_least is not None and at_most is not None:
+        raise InputError("--at-most: not allowed together with --at-least")
+    given = at_most if at_least is None else at_least
+    if given is None:
+        return None
+    option = "--at-most" if at_least is None else "--at-least"
+    name, _, text = (part.strip() for part in given.rpartition("="))
+    value = parse_number(text)
+    if not name or math.isnan(value):
+        raise InputError(f"{option}: {given!r} is not of the form metric=value, for instance share_held=0.9")
+    find_outside_metrics([name])
+    metric = find_shown_metric(name)
+    if not metric.least <= value <= metric.most:
+        raise InputError(f"{option}: {name}={text} is not allowed; expected {metric.least:g} to {metric.most:g}")
+    wrong = "higher" if at_least is None else "lower"
+    if metric.better == wrong:
+        other = "--at-least" if at_least is None else "--at-most"
+        raise InputError(f"{option}: of {name}, {wrong} is better; use {other}")
+    return Threshold(name, value, at_least is not None)
 
 
 def _find_study(name: str) -> Study:

@@ -83,7 +83,9 @@ class Episode:
     def draw(self) -> NDArray[np.uint8]:
         """This scan as a film's frame (720, 1280, 3) RGB, with map, true people, tracks and frames of cameras."""
         if self._film is None:
-            self._film = Film(self.mission.scenario, self.mission.forest, planner=NAME)
+            self._film = Film(
+                self.mission.scenario, self.mission.forest, planner=NAME, believed=self.mission.believed_forest
+            )
         if self._drawn < self.now.time:
             for snapshot in self._flown:
                 if self._drawn < snapshot.time < self.now.time:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from sim.exchange.values import (
     COVARIANCE,
@@ -20,6 +19,7 @@ from sim.exchange.values import (
     LoggedDetection,
     LoggedFrame,
     PoseLog,
+    find_attitudes,
     list_rows,
     list_tracks,
     list_truth,
@@ -29,6 +29,7 @@ from sim.exchange.values import (
 from sim.mission.recording import Recording
 from sim.scenario.camera_settings import CameraSettings, make_camera, read_camera
 from sim.scenario.csv_tables import TableRow, read_csv
+from sim.scenario.geo import NOWHERE_ON_THE_MAP, Geo
 from sim.scenario.scenario import leave_out_removed_keys
 from sim.scenario.settings_text import format_toml
 from sim.scenario.uavs import Uav, measure_angle
@@ -38,6 +39,9 @@ from tracking.geometry.camera import Camera
 from tracking.settings import read_settings
 
 _PLACE = ("x_m", "y_m")
+_HEIGHTS = {"z_m": 1.0, "z_ft": 0.3048, "altitude_m": 1.0, "altitude_ft": 0.3048}  # in m; altitudes are above the sea
+_SIZES = ("width_px", "height_px")
+_GIVEN = ("pose_offset_s", "height_m")  # columns of cameras, beside angles, that complete logs
 QUATERNION = ("qx", "qy", "qz", "qw")
 ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
 _PIXEL = ("u_px", "v_px")
@@ -47,16 +51,17 @@ _PARTS = {"place": _PLACE, "covariance": ("xx_m2", "xy_m2", "yy_m2"), "pixel": _
 POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *QUATERNION)
 DETECTION_COLUMNS = ("time_s", "uav", *_PLACE, *_PARTS["covariance"], *_PIXEL)
 CAMERA_COLUMNS = ("uav", "fov_deg", "pixels")
+_VIEWS = ("hfov_deg", "vfov_deg", "dfov_deg", "focal_mm", "sensor_width_mm")  # keys of a camera that columns may give
+_CLOCK = {"time": "time_s", "timestamp": "time_s", "datetime": "time_s", "time_utc": "time_s"}
 _TUM = {"timestamp": "time_s", "tx": "x_m", "ty": "y_m", "tz": "z_m"}  # names of TUM's trajectories
 # Columns of each file that are read, by the names that stand for them.
 KNOWN = {
-    "poses": _TUM | {name: name for name in (*POSE_COLUMNS, *ANGLES)},
-    "detections": {name: name for name in (*DETECTION_COLUMNS, *_CLASSES, *_SCORES)},
+    "poses": _TUM | _CLOCK | {name: name for name in (*POSE_COLUMNS, *ANGLES, *_HEIGHTS)},
+    "detections": _CLOCK | {name: name for name in (*DETECTION_COLUMNS, *_CLASSES, *_SCORES)},
     "cameras": {
-        name: name
-        for name in (*CAMERA_COLUMNS, "hfov_deg", "width_px", "height_px", "camera", "clock_offset_s", "axes")
+        name: name for name in (*CAMERA_COLUMNS, *_SIZES, *_VIEWS, "camera", "clock_offset_s", "axes", *_GIVEN, *ANGLES)
     },
-    "images": {name: name for name in ("time_s", "uav", "file")},
+    "images": _CLOCK | {name: name for name in ("time_s", "uav", "file")},
 }
 # Endings of columns by which `tracks.csv` names units.
 _UNITS = {"time": "_s", **dict(zip(STATE, ("_m", "_m", "_m_per_s", "_m_per_s"), strict=True))}
@@ -68,18 +73,25 @@ _WHOLE = 0.5  # largest error of a number that was rounded to a whole one
 Cells = Sequence[float | int | str]  # of a row
 
 
-def read_poses(path: Path) -> dict[int, PoseLog]:
+def read_poses(path: Path, geo: Geo = NOWHERE_ON_THE_MAP) -> dict[int, PoseLog]:
     """Poses of the camera of each UAV, from a CSV file with the columns `POSE_COLUMNS`.
 
     In place of the quaternion, yaw_deg, pitch_deg and roll_deg are those of a gimbal: yaw clockwise from north, pitch
     -90 straight down. Without both, cameras look straight down, with north at the top of the image. Without the column
-    uav all rows are of UAV 0. Equal rows count once. InputError names file, line and column of a wrong entry.
+    uav all rows are of UAV 0. Equal rows count once. In place of z_m there may be altitude_m, above the sea, and both
+    may be in feet. geo: where the map is. InputError names file, line and column of a wrong entry.
     """
+    first = next(read_csv(path, "poses", (), spares=KNOWN["poses"], geo=geo), None)
+    height = next((name for name in _HEIGHTS if first and name in first.values), "z_m")
+    if height.startswith("altitude") and geo.ground is None:
+        raise InputError(f"poses: {path}, column {height}: is above the sea; --set geo.ground=G gives the ground [m]")
+    level = geo.ground or 0.0 if height.startswith("altitude") else 0.0
     found: defaultdict[int, dict[float, list[float]]] = defaultdict(dict)
     lines: dict[tuple[int, float], int] = {}
-    for row in read_csv(path, "poses", ("time_s", *_PLACE, "z_m"), spares=KNOWN["poses"]):
-        uav, time = read_uav(row), row.number("time_s")
-        pose = [row.number("x_m"), row.number("y_m"), row.number("z_m"), *_read_attitude(row)]
+    for row in read_csv(path, "poses", ("time_s", *_PLACE, height), spares=KNOWN["poses"], geo=geo):
+        uav, time = read_uav(row), row.time("time_s")
+        z = row.number(height) * _HEIGHTS[height] - level
+        pose = [row.number("x_m"), row.number("y_m"), z, *_read_attitude(row)]
         if (uav, time) in lines and found[uav][time] != pose:
             twice = f"UAV {uav} has another pose at {spell(time)} s in line {lines[uav, time]}"
             raise row.error("uav", f"{twice}; number the UAVs apart")
@@ -97,19 +109,19 @@ def has_quaternions(path: Path) -> bool:
     return row is not None and {*QUATERNION} <= {*row.values} and not {*ANGLES} & {*row.values}
 
 
-def read_detections(path: Path) -> dict[int, CameraFrames]:
+def read_detections(path: Path, geo: Geo = NOWHERE_ON_THE_MAP) -> dict[int, CameraFrames]:
     """Frames of each UAV with their detections, from a CSV file with some of the columns `DETECTION_COLUMNS`.
 
     A row is a detection: a place on the ground, maybe with its covariance, or the pixel of the person's mid-height. A
     row with neither says that the camera took a frame at this time. There may be a column class and a column score.
-    Rows may have any order. InputError names file, line and column of a wrong entry.
+    Rows may have any order. geo: where the map is. InputError names file, line and column of a wrong entry.
     """
     found: defaultdict[int, dict[float, LoggedFrame]] = defaultdict(dict)
     rows: dict[tuple[int, float, LoggedDetection], int] = {}
-    for row in read_csv(path, "detections", ("time_s",), spares=KNOWN["detections"]):
+    for row in read_csv(path, "detections", ("time_s",), spares=KNOWN["detections"], geo=geo):
         if not found and not {*_PLACE} <= {*row.values} and not {*_PIXEL} <= {*row.values}:
             raise InputError(f"detections: {path}, line 1: names neither x_m and y_m nor u_px and v_px")
-        uav, time = read_uav(row), row.number("time_s")
+        uav, time = read_uav(row), row.time("time_s")
         frame = found[uav].setdefault(time, LoggedFrame(time, row.where, []))
         detection = _read_detection(row)
         if detection is None:
@@ -128,7 +140,7 @@ def read_cameras(path: Path) -> dict[int, LoggedCamera]:
     There may be clock_offset_s, and width_px and height_px of images that are not square: fov_deg is over a square of
     `pixels` in the middle. In place of these two, there may be hfov_deg, which is over the width, or the column
     camera: a packaged camera, or a file beside this one, with which the others then have to agree. axes are those of
-    quaternions.
+    quaternions. What logs lack may be given, too: the columns of a gimbal's angles, and height_m; and pose_offset_s.
     """
     cameras: dict[int, LoggedCamera] = {}
     for row in read_csv(path, "cameras", (), spares=KNOWN["cameras"]):
@@ -137,7 +149,8 @@ def read_cameras(path: Path) -> dict[int, LoggedCamera]:
             raise row.error("uav", f"UAV {uav} has a second row")
         offset = row.optional_number("clock_offset_s") or 0.0
         axes = row.values.get("axes") or "image"
-        cameras[uav] = _read_view(row, path)._replace(clock_offset=offset, axes=axes)
+        given = {name: value for name in (*_GIVEN, *ANGLES) if (value := row.optional_number(name)) is not None}
+        cameras[uav] = _read_view(row, path)._replace(clock_offset=offset, axes=axes, given=given)
     return cameras
 
 
@@ -149,9 +162,9 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
             raise row.error("camera", str(error)) from error
         _check_view(row, make_camera(settings))
         return make_calibrated_camera(settings)
-    across = bool(row.values.get("hfov_deg"))
+    across = {name: row.number(name) for name in _VIEWS if row.values.get(name)}
     if across and row.values.get("fov_deg"):
-        raise row.error("hfov_deg", "fov_deg is given as well; allowed is one of them")
+        raise row.error(next(iter(across)), "fov_deg is given as well; allowed is one of them")
     for column in ("width_px", "height_px") if across else CAMERA_COLUMNS[1:]:
         if column not in row.values:
             there = ",".join(row.values)
@@ -159,7 +172,7 @@ def _read_view(row: TableRow, path: Path) -> LoggedCamera:
     try:
         if across:
             size = {"width": row.integer("width_px"), "height": row.integer("height_px")}
-            settings = read_settings({**size, "hfov_deg": row.number("hfov_deg")}, CameraSettings)
+            settings = read_settings({**size, **across}, CameraSettings)
             _check_view(row, make_camera(settings))
             return make_calibrated_camera(settings)
         square = make_square_camera(fov_deg := row.number("fov_deg"), pixels := row.integer("pixels"))
@@ -194,10 +207,9 @@ def read_uav(row: TableRow) -> int:
 def _read_attitude(row: TableRow) -> list[float]:
     """Quaternion xyzw of the camera."""
     if any(name in row.values for name in ANGLES):
-        yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in ANGLES)
-        pitch = pitch if ANGLES[1] in row.values else -math.pi / 2
-        turn = Rotation.from_euler("ZXZ", [-yaw, math.pi / 2 + pitch, -roll])
-        return [float(part) for part in turn.as_quat()]
+        yaw, pitch, roll = (row.optional_number(name) or 0.0 for name in ANGLES)
+        pitch = pitch if ANGLES[1] in row.values else -90.0
+        return [float(part) for part in find_attitudes(np.array([[yaw, pitch, roll]]))[0]]
     if not any(name in row.values for name in QUATERNION):
         return [0.0, 0.0, 0.0, 1.0]
     if not {*QUATERNION} <= {*row.values}:
@@ -291,8 +303,8 @@ def _list_detections(recording: Recording) -> Iterator[Cells]:
 def _describe_calibration(uav: Uav) -> dict[str, Any]:
     """The keys of a calibrated camera, as the fleet believes it to be."""
     o = uav.believed_camera.optics
-    calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5], "distortion": list(o.distortion)}
-    return {"width": o.width, "height": o.height, **calibration}
+    calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5]}
+    return {"width": o.width, "height": o.height, **calibration, **o.distortion.settings}
 
 
 def _write_cameras(recording: Recording, folder: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from sim.exchange.csv_files import write_csv
+from sim.exchange.geojson import write_geojson
 from sim.exchange.image_labels import write_coco, write_yolo
 from sim.exchange.mot import write_mot
 from sim.exchange.ros_mission import IMAGES, write_rosbag
@@ -25,6 +26,7 @@ EXPORTS: dict[str, Callable[[Recording, Path], None]] = {
     "mot": write_mot,
     "parquet": write_tables,
     "rosbag": write_rosbag,
+    "geojson": write_geojson,
 }
 # What writes the labels of images.
 LABELS: dict[str, Callable[[Iterable[LabelledImage], Path], None]] = {"coco": write_coco, "yolo": write_yolo}
@@ -37,6 +39,9 @@ def export(recording: Recording, target: str, out: Path, *, truth: bool = True, 
     bag only: truth: False to leave out what UAVs do not know; images: "jpeg", the default, or "png".
     """
     check_known("--to", target, EXPORTS)
+    if target == "geojson" and recording.setting.geo.origin is None:
+        where = "--set geo.origin=[latitude,longitude] when it is flown or tracked gives one"
+        raise InputError(f"--to: geojson needs a place on the map, which this recording has not; {where}")
     with make_new_folder(out) as folder:
         if target == "rosbag":
             write_rosbag(recording, folder, truth=truth, images=images or "jpeg")

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from sim.exchange.csv_files import ANGLES, KNOWN, QUATERNION
 from sim.exchange.values import LoggedUav, PoseLog
 from sim.scenario.csv_tables import read_csv
+from sim.scenario.geo import Geo
 from tracking.errors import check_known, list_numbers, spell
 from tracking.numerics.arrays import Array
 
@@ -92,11 +93,11 @@ def _share_down(attitudes: Array) -> float:
     return float((Rotation.from_quat(attitudes).apply([0.0, 0.0, 1.0])[:, 2] > 0).mean())
 
 
-def find_doubts(folder: Path, uavs: Sequence[LoggedUav]) -> Iterator[str]:
+def find_doubts(folder: Path, uavs: Sequence[LoggedUav], geo: Geo) -> Iterator[str]:
     """Remarks on columns of files that are not used, and on places, speeds and attitudes that no drone has."""
     for name, known in KNOWN.items():
         if (folder / f"{name}.csv").exists():
-            yield from _list_unused(folder / f"{name}.csv", name, known)
+            yield from _list_unused(folder / f"{name}.csv", name, known, geo)
     degrees = _are_degrees(np.vstack([uav.poses.rows[:, :2] for uav in uavs]))
     if degrees:
         yield f"poses: all places are within {_SMALLEST:g} m; are x_m and y_m {_DEGREES}"
@@ -119,12 +120,14 @@ def _doubt_uav(uav: LoggedUav, number: int, *, degrees: bool) -> Iterator[Doubt]
     yield from _doubt_motion(uav.poses, number, uav.camera.axes)
 
 
-def _list_unused(path: Path, name: str, known: Mapping[str, str]) -> Iterator[str]:
-    """A remark on the columns of a file that are not used."""
-    row = next(read_csv(path, name, (), spares=known), None)
+def _list_unused(path: Path, name: str, known: Mapping[str, str], geo: Geo) -> Iterator[str]:
+    """Remarks on the columns of a file that are not used, and on times without a zone."""
+    row = next(read_csv(path, name, (), spares=known, geo=geo), None)
     if row is None:
         return
-    angles = any(column in row.values for column in ANGLES)
+    if row.lacks_zone("time_s"):
+        yield f"{name}: times have no zone, and are taken to be of UTC"
+    angles = name == "poses" and any(column in row.values for column in ANGLES)
     unused = [own for own in row.values if own and (own not in known.values() or (angles and own in QUATERNION))]
     if unused:
         names = f"; attitudes have the columns {','.join(QUATERNION)}, or {','.join(ANGLES)}"

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from sim.exchange.values import LoggedFlight, LoggedUav
@@ -22,7 +23,7 @@ EXACT = 1e-3  # periods, largest difference of times from a multiple
 _HIGHEST = 10_000  # m, as of altitudes of UAVs
 _PHYSICS = 240  # Hz, or a multiple of the rate of scans; nothing is simulated
 # Keys of trees that say how to read a stem map.
-_TREES = ("same_place", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius", "leaf_area_density")
+_TREES = ("same_place", "status", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius", "leaf_area_density")
 _SIMULATED = ("dynamics", "wind", "appearance", "first_decision")  # keys without a meaning for a flight
 
 
@@ -61,6 +62,11 @@ def pick_tree_keys(given: Mapping[str, Any]) -> dict[str, Any]:
     return {key: table[key] for key in _TREES if key in table} if isinstance(table, dict) else {}
 
 
+def find_stem_map(folder: Path) -> Path | None:
+    """The stem map of a flight, if it has one."""
+    return next((folder / name for name in ("trees.csv", "trees.geojson") if (folder / name).exists()), None)
+
+
 def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -> Scenario:
     """The scenario of a flight from the tables of its `scenario.toml`, and from its other files."""
     rate = _find_rate(given, flight.uavs)
@@ -75,13 +81,14 @@ def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -
     people: dict[str, Any] = {"count": 0}
     if flight.labels:
         people = {**data.get("people", {}), **walked, "trajectories": os.path.abspath(flight.labels)}
-    stems = folder / "trees.csv"
+    stems = find_stem_map(folder)
     return decode(
         {
             **data,
             "duration": end or 1 / rate,
             "dynamics": "kinematic",
-            "trees": {"file": os.path.abspath(stems), **pick_tree_keys(given)} if stems.exists() else {"density": 0},
+            "geo": msgspec.to_builtins(flight.geo),
+            "trees": {"file": os.path.abspath(stems), **pick_tree_keys(given)} if stems else {"density": 0},
             "people": people,
             "uavs": list(_list_uavs(data.get("uavs", ()), flight)),
             "rates": {**data.get("rates", {}), "sensing": rate, "physics": rate * -(-_PHYSICS // rate)},

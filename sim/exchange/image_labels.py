@@ -126,7 +126,7 @@ def _describe_flight(number: int, recording: Recording) -> dict[str, Any]:
 
 def _describe_image(labelled: LabelledImage) -> dict[str, Any]:
     width, height = labelled.camera.size
-    optics = labelled.camera.optics._asdict()
+    o = labelled.camera.optics
     pose = labelled.recording.camera_at(labelled.k, labelled.uav)
     return {
         "file_name": f"{labelled.name}.png",
@@ -135,7 +135,7 @@ def _describe_image(labelled: LabelledImage) -> dict[str, Any]:
         "flight": labelled.flight,
         "uav": labelled.uav,
         "time_s": float(labelled.recording.times[labelled.k]),
-        "intrinsics": {name: optics[name] for name in ("fx", "fy", "cx", "cy", "distortion")},
+        "intrinsics": {"fx": o.fx, "fy": o.fy, "cx": o.cx, "cy": o.cy, **o.distortion.settings},
         "pose": {"position_m": pose.position.tolist(), "quaternion_xyzw": pose.quaternion.tolist()},
     }
 

@@ -32,12 +32,14 @@ _NORM = 1e-2  # error of a quaternion's norm from which it is refused
 
 
 class BagFlight(NamedTuple):
-    """What a bag has of a flight, by the number of the UAV."""
+    """What a bag, or another source, has of a flight, by the number of the UAV."""
 
     cameras: dict[int, LoggedCamera]
     poses: dict[int, PoseLog]
     frames: dict[int, CameraFrames]
     remarks: list[str]
+    epoch: float = math.nan  # s, time since 1970 of the zero of frames' times, if they are not since 1970
+    longer: bool = False  # True if poses are of logs, which hold what was before and after the frames, too
 
 
 class _Link(NamedTuple):
@@ -291,33 +293,23 @@ def flip(quaternions: Array) -> Array:
 
 
 def _read_camera(infos: Sequence[Any], where: str) -> LoggedCamera:
-    """The camera of a topic of CameraInfo, which is the same in all messages; InputError if it is none.
-
-    Images have the region of interest of a calibrated image, with squares of `binning` pixels as one.
-    """
+    """The camera of a topic of CameraInfo, which is the same in all messages; InputError if it is none."""
     first = infos[0]
     for info in infos:
         if _list_numbers(info) != _list_numbers(first):
             at = spell(_read_time(info.header.stamp))
             raise InputError(f"{where}: its CameraInfo changes at {at} s; expected one camera in a flight")
-    width, height = int(first.width), int(first.height)
-    x, y = int(first.roi.x_offset), int(first.roi.y_offset)
-    across, down = int(first.roi.width) or width, int(first.roi.height) or height
-    right, below = max(1, int(first.binning_x)), max(1, int(first.binning_y))
-    if x + across > width or y + down > height:
-        roi = f"roi of {across} × {down} pixels from ({x}, {y}) is not in the image of {width} × {height}"
-        raise InputError(f"{where}: its CameraInfo: {roi}")
+    region = [int(getattr(first.roi, name)) for name in ("x_offset", "y_offset", "width", "height")]
     k, bend = (np.asarray(part, dtype=float).tolist() for part in (first.k, first.d))
-    # K counts from the centre of the first pixel, which is in the middle of the squares that are one.
-    k[2], k[5] = (k[2] - x - (right - 1) / 2) / right, (k[5] - y - (below - 1) / 2) / below
-    k[0], k[4] = k[0] / right, k[4] / below
+    binning = (int(first.binning_x), int(first.binning_y))
     try:
-        settings = calibrate((across // right, down // below), k, bend, first.distortion_model)
+        settings = calibrate((int(first.width), int(first.height)), k, bend, first.distortion_model, region, binning)
     except ValueError as error:
         raise InputError(f"{where}: its CameraInfo: {error}") from error
-    width, (fx, fy) = settings.width, settings.focal or (0.0, 0.0)
-    centred = math.isclose(k[2] + 0.5, width / 2) and k[2] == k[5]
-    if width == settings.height and fx == fy and centred and not any(bend):
+    width, (fx, fy), (cx, cy) = settings.width, settings.focal or (0.0, 0.0), settings.centre or (0.0, 0.0)
+    centred = math.isclose(cx + 0.5, width / 2) and cx == cy
+    straight = not any(bend) and settings.distortion_model == "plumb_bob"
+    if width == settings.height and fx == fy and centred and straight:
         return make_square_camera(math.degrees(2 * math.atan(width / 2 / fx)), width)
     return make_calibrated_camera(settings)
 

@@ -34,6 +34,7 @@ from tracking.track import Scan
 _NEAR = 0.49  # periods, up to which a person is there before the first time and after the last, in scans and samples
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
 _GAP = 1.5  # usual times from one frame or pose to the next, beyond which some are missing
+_FOOT, _ALIKE = 0.3048, 0.15  # m, and the share by which it is told
 _SEEN = 0.8  # of the time of poses, for which frames are expected
 
 
@@ -89,13 +90,13 @@ def read_flight(
         least_score: Of detections that count; by default more than 0.
     """
     folder = Path(folder)
-    own = folder / "scenario.toml"
-    given = read_toml(own, "scenario") if own.exists() else {}
+    settings = folder / "scenario.toml"
+    given = read_toml(settings, "scenario") if settings.exists() else {}
     of_uavs = [override for override in overrides if override.startswith("uavs")]
     apply_overrides(given, [override for override in overrides if override not in of_uavs])
     selection = Selection(tuple(filter(None, map(str.strip, classes.split(",")))), least_score)
-    trees = decode({"trees": pick_tree_keys(given)}).trees
-    flight = read_files(folder, origin, detector, selection, trees)
+    own = decode({"trees": pick_tree_keys(given), "geo": given.get("geo", {})})
+    flight = read_files(folder, origin, own.geo, detector, selection, own.trees)
     _override_uavs(given, of_uavs, len(flight.uavs))
     setting = make_setting(folder, given, flight)
     people = _find_people(flight, setting)
@@ -131,7 +132,9 @@ def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None
         return None
     if not any(uav.people for uav in flight.uavs):
         slack = _NEAR * max(1 / rate, 2 / SAMPLES_PER_SECOND)  # between two samples, people are there if in both
-        return read_trajectories(path, WIDEST, duration=setting.duration, people=setting.people, slack=slack)
+        return read_trajectories(
+            path, WIDEST, duration=setting.duration, people=setting.people, slack=slack, geo=setting.geo
+        )
     found: defaultdict[str, dict[int, Array]] = defaultdict(dict)
     for uav, settings in zip(flight.uavs, setting.uavs, strict=True):
         poses = uav.poses.at(np.array([frame.time for frame in uav.people]))
@@ -209,6 +212,7 @@ def _place_on_scans(
     if 2 * unseen > every:
         out = f"{unseen} of {every} are outside the views of their cameras"
         remarks.append(f"detections: {out}; do places, poses, attitudes and angles of view belong together?")
+    remarks += _doubt_feet(observed, setting)
     remarks += _remark_on_covariances(flight, [found.scan for found in observed.values()], sigma)
     forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))
@@ -314,6 +318,19 @@ def _doubt_times(uav: LoggedUav, number: int, setting: Scenario) -> Iterator[Dou
     if missing and all(frame.detections for frame in uav.frames):
         every = f"detections: each frame of UAV {number} has a detection"
         yield Doubt(number, every, "list those without, too, as rows of time_s and uav: they show where nobody is")
+
+
+def _doubt_feet(observed: Mapping[tuple[int, int], Observed], setting: Scenario) -> Iterator[str]:
+    """A remark if places are as much nearer to cameras than their pixels say as a foot is shorter than a metre."""
+    shares = list[float]()
+    for (_, uav), (scan, pixels) in observed.items():
+        if len(pixels):
+            at = scan.pose.position[:2]
+            seen = setting.uavs[uav].true_camera.ground_points(scan.pose, pixels, TARGET_HEIGHT) - at
+            near, far = np.hypot(*(scan.measurements - at).T), np.hypot(*seen.T)
+            shares += (near[far > 0] / far[far > 0]).tolist()
+    if shares and abs(np.median(shares) / _FOOT - 1) < _ALIKE:
+        yield "poses: places of detections are 0.3 times as far from cameras as their pixels say; are heights in feet?"
 
 
 def _remark_on_covariances(flight: LoggedFlight, scans: Sequence[Scan], sigma: float) -> Iterator[str]:

@@ -16,6 +16,7 @@ from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import encode_scenario
+from sim.world.believed_forest import believe_forest
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Flags
@@ -36,8 +37,8 @@ def track_flight(
 ) -> Outcome:
     """Give a flight to the trackers of its scenario; the outcome has a recording like that of a mission.
 
-    name: in place of a planner. seed: decides which messages a network with losses loses. Where people are unknown, the
-    recording has none. `progress` is called with each scan.
+    name: in place of a planner. seed: decides which messages a network with losses loses, and the map that UAVs
+    believe. Where people are unknown, the recording has none. `progress` is called with each scan.
     """
     begun = clock.perf_counter()
     setting = flight.setting
@@ -46,7 +47,7 @@ def track_flight(
     truth = [flight.people.at(time) if flight.people else (nothing, np.zeros(0)) for time in setting.scan_times]
     people = [positions for positions, _ in truth]
     initial = make_initial_tracks(setting, people[0], people[min(1, len(people) - 1)])
-    trackers = TrackerFleet(setting, flight.forest, initial)
+    trackers = TrackerFleet(setting, believe_forest(flight.forest, setting, seed), initial)
     radio = stream(seed, "network")
     recorder = Recorder()
     for k, time in enumerate(setting.scan_times):

@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from sim.facts.metrics.score import estimate_velocities
 from sim.mission.recording import Recording
 from sim.scenario.camera_settings import CameraSettings, make_camera
+from sim.scenario.geo import Geo
 from sim.scenario.uavs import UavSettings
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera
@@ -53,9 +55,50 @@ class PoseLog(NamedTuple):
         moves = (before == after) | (np.abs(self.rows[before] - self.rows[after]) > _STILL).any(axis=1)
         return np.where(moves, gaps, 0.0)
 
+    def cut(self, first: float, last: float) -> "PoseLog":
+        """The poses from one time [s] to another, with those next to them; all unless they cover both."""
+        if not self.covers(np.array([first, last])).all():
+            return self
+        inner = slice(np.searchsorted(self.times, first, "right") - 1, np.searchsorted(self.times, last) + 1)
+        return PoseLog(self.times[inner], self.rows[inner])
+
     def covers(self, times: Array) -> Flags:
         """Mask (N,) of the times (N,) s that are not before the first pose or after the last one."""
         return np.asarray((self.times[0] <= times) & (times <= self.times[-1]))
+
+
+class DroneLog(NamedTuple):
+    """What a drone logged, in order of time; NaN where it lacks a value."""
+
+    path: Path
+    times: Array  # (N,) s, of the log's own clock, or of its video
+    places: Array  # (N, 2) deg, latitude and longitude, or m to the east and north
+    heights: Array  # (N,) m
+    attitudes: Array  # (N, 3) deg, yaw, pitch and roll of a gimbal as in `find_attitudes`, or (N, 4) quaternions xyzw
+    above: str = "start"  # what heights are above: "start", "sea" or "ground"
+    on_map: bool = True  # False if places are in m
+    axes: str = "frd"  # of quaternions
+    epoch: float = math.nan  # s, time since 1970 of the log's zero
+    film: tuple[float, float] | None = None  # s, first and last time of its video, if the log tells it
+    focal: float = math.nan  # mm, focal length of the camera as of a film 43.3 mm across the corners
+    remarks: tuple[str, ...] = ()  # on what was read
+    format: str = ""
+
+
+def turn_at(times: Array, own: Array, quaternions: Array) -> Array:
+    """Quaternions (N, 4) at times (N,) s, interpolated between those (P, 4) at their own times (P,) s."""
+    known, first = np.unique(own, return_index=True)
+    return PoseLog(known, np.hstack([np.zeros((len(known), 3)), quaternions[first]])).at(times)[:, 3:]
+
+
+def find_attitudes(angles: Array) -> Array:
+    """Attitudes (N, 4) of images by yaw, pitch and roll (N, 3) deg of a gimbal.
+
+    Yaw is clockwise from north, pitch -90 straight down, and roll clockwise.
+    """
+    yaw, pitch, roll = np.radians(angles).T
+    turns = np.column_stack([-yaw, math.pi / 2 + pitch, -roll])
+    return np.asarray(Rotation.from_euler("ZXZ", turns).as_quat())
 
 
 class LoggedDetection(NamedTuple):
@@ -101,6 +144,8 @@ class LoggedCamera(NamedTuple):
     clock_offset: float = 0.0  # s, to add to the UAV's times
     spans: str = ""  # what its angle of view is over, if that is a part of the images
     axes: str = "image"  # of the quaternions of its poses; empty if these have none
+    # `pose_offset_s` to add to times of poses, and what a log may lack: `yaw_deg`, `pitch_deg`, `roll_deg`, `height_m`
+    given: Mapping[str, float] = {}
 
     def fit(self, size: tuple[int, int], where: str) -> "LoggedCamera":
         """The camera of images of this size: of wide ones, if its own square is that in their middle; else InputError.
@@ -146,6 +191,7 @@ class LoggedFlight:
     forest: Forest
     start: float  # s, time in the files of the first frame
     origin: tuple[float, float]  # m, place in the files of the origin
+    geo: Geo  # where the origin of files is on the map
     labels: Path | None  # file of the people, if they are known
     remarks: Sequence[str] = ()  # on what was read
 

@@ -106,6 +106,18 @@ def tell_pose_error(recording: Recording, k: int, uav: int) -> list[str]:
     return [f"believed pose {math.hypot(*away[:2]):.2f} m off, {away[2]:+.2f} m in height, turned by {angle:.1f}°"]
 
 
+def tell_map_error(recording: Recording, k: int, uav: int, person: int) -> list[str]:
+    """What a UAV's believed map says of a person's place, in a line; none if the true trees say the same."""
+    if recording.believed_forest.trees == recording.forest.trees:
+        return []
+    place, setting = recording.people[k, person], recording.setting
+    true = tell_sight(setting.true_camera(uav), recording.camera_at(k, uav), place, recording.hiding_forest)
+    pose = recording.believed_camera_at(k, uav)
+    told = tell_sight(setting.believed_camera(uav), pose, place, recording.believed_forest)
+    states = [text.partition(" by ")[0] for text in (true, told)]
+    return [f"{states[1]} by the map that UAVs believe"] if states[0] != states[1] else []
+
+
 def tell_fade(recording: Recording, id_: int, last: int) -> str:
     """The frames since a track's last detection, until its last scan, in words; empty if that detected it, or unknown.
 

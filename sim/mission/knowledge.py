@@ -70,16 +70,19 @@ class Knowledge:
         exchange: Exchange,
         rng: np.random.Generator,
     ) -> None:
-        """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost."""
+        """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost.
+
+        forest: the map of trees that UAVs believe.
+        """
         self._scenario = scenario
         self._forest = forest
         # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
-        self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
+        self._known_forest = replace(forest, trees=tuple(map(replace, forest.trees)))
         self._vehicles = [_make_vehicle(scenario, i) for i in range(len(scenario.uavs))]
         self._cameras = [vehicle.camera for vehicle in self._vehicles]
         self.trackers = TrackerFleet(scenario, forest, initial)
         self._area = (scenario.area.width, scenario.area.height)
-        settings = scenario.tracking
+        settings = scenario.believed_tracking
         people = settings.undetected if settings.initial_tracks == "none" else 0.0
         self._undetected = [
             UndetectedIntensity(self._area, people, settings.detection_probability, settings.max_speed)

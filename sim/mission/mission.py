@@ -23,6 +23,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.navigation import make_navigation_errors
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
+from sim.world.believed_forest import believe_forest
 from sim.world.trajectories import Trajectories
 from sim.world.world import World
 from tracking.errors import InputError
@@ -51,6 +52,7 @@ class Mission:
         self.images: list[NDArray[np.uint8] | None] = []  # of the present scan, one per UAV; None: not rendered
         self.present: Snapshot  # of the present scan before its decision, with ground truth; stays when it is over
         self.forest, self.people = make_forest_and_people(scenario, seed)
+        self.believed_forest = believe_forest(self.forest, scenario, seed)
         # An oracle gets access to the true positions here.
         self.planner, self.sees_truth = give_truth(planner, partial(_find_places, self.people))
         exchange = read_exchange(self.planner)
@@ -59,7 +61,11 @@ class Mission:
         reset_planner(self.planner, int(chance("memory").integers(2**63)))
         starts = [self.people.at(time).positions for time in (0.0, 1 / scenario.rates.sensing)]
         self._knowledge = Knowledge(
-            scenario, self.forest, make_initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
+            scenario,
+            self.believed_forest,
+            make_initial_tracks(scenario, *starts),
+            exchange=exchange,
+            rng=chance("intents"),
         )
         self._rounds = exchange.rounds
         self._decisions: list[FlownPlans] = []  # whose plans are flown, or will be, in order of time
@@ -74,7 +80,7 @@ class Mission:
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, flown at present
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         try:
-            self._sensors = Sensors(scenario, self._world, self.forest, chance("sensors"))
+            self._sensors = Sensors(scenario, self._world, self.forest, chance("sensors"), self.believed_forest)
             self._sense_and_track()
         except BaseException:
             self.close()

@@ -13,6 +13,7 @@ from sim.mission.fault import Fault
 from sim.mission.recording import FIELDS, VERSION, Recording, encode_faults
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario, encode_scenario
+from sim.world.believed_forest import believe_forest
 from sim.world.contacts import KINDS
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -113,6 +114,11 @@ class Heading(NamedTuple):
     repeat: int
     forest: Forest
     sees_truth: bool
+
+    @property
+    def believed_forest(self) -> Forest:
+        """As `Recording.believed_forest`."""
+        return believe_forest(self.forest, self.scenario, self.seed)
 
     def make_recording(self, recorder: Recorder) -> Recording:
         """Recording of the scans so far; it is marked as interrupted unless these are all."""

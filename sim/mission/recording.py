@@ -16,6 +16,7 @@ from sim.mission.fault import Fault
 from sim.mission.snapshot import FlownPlans, Snapshot
 from sim.scenario.loading import decode_recorded
 from sim.scenario.scenario import Scenario
+from sim.world.believed_forest import believe_forest
 from sim.world.contacts import KINDS, Contact
 from tracking.errors import InputError, one_line
 from tracking.geometry.camera import Pose
@@ -146,7 +147,7 @@ class Recording:
 
     @cached_property
     def forest(self) -> Forest:
-        """The map of trees with exact occlusion; the model that trackers and planners assumed is in the scenario."""
+        """The true trees with exact occlusion; `believed_forest` is what UAVs took them for."""
         return Forest(tuple(Tree(*row) for row in self.trees.tolist()))
 
     @property
@@ -160,9 +161,9 @@ class Recording:
         return ~np.isnan(self.people[..., 0])
 
     @cached_property
-    def known_forest(self) -> Forest:
-        """The map of trees with the occlusion that trackers and planners assumed."""
-        return Forest(self.forest.trees, self.setting.sensing.occlusion)
+    def believed_forest(self) -> Forest:
+        """The map of trees that detectors, trackers and planners believed, with the occlusion that they assumed."""
+        return believe_forest(self.forest, self.setting, self.seed)
 
     @property
     def labelled(self) -> bool:

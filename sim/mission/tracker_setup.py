@@ -16,7 +16,7 @@ from tracking.track import Track
 def make_tracker_parameters(scenario: Scenario, uav: int = 0) -> TrackerParameters:
     """Parameters of the tracker of a scenario's UAV."""
     motion, navigation = _make_motion(scenario, scenario.tracking.motion), scenario.uavs[uav].navigation_errors
-    return TrackerParameters(motion, scenario.tracking, fusion=scenario.network.fusion, navigation=navigation)
+    return TrackerParameters(motion, scenario.believed_tracking, fusion=scenario.network.fusion, navigation=navigation)
 
 
 def make_planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstantVelocity:
@@ -36,7 +36,7 @@ def make_planned_motion(scenario: Scenario, learned: object = None) -> NearlyCon
 
 def _make_motion(scenario: Scenario, name: str) -> Any:  # noqa: ANN401 - built-in models have more than `MotionModel`
     """The motion model with this name, over the time between two scans."""
-    s = scenario.tracking
+    s = scenario.believed_tracking
     return make_motion_model(name, 1 / scenario.rates.sensing, s.sigma_a, s.max_speed, s.walking_speed)
 
 

@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 
 from sim.scenario.environment import Wind
+from sim.scenario.geo import tell_origin
 from sim.scenario.random_streams import stream
 from sim.scenario.remarks import find_remarks
 from sim.scenario.scenario import Scenario, is_clear
@@ -53,8 +54,11 @@ class Remarks(NamedTuple):
 def find_scenario_remarks(scenario: Scenario) -> Remarks:
     """Remarks on a scenario and the files that it names; InputError if a file cannot be used."""
     people, left_out = describe_trajectories(scenario)
-    trees, odd = describe_stem_map(scenario.trees)
-    return Remarks([line for line in (people, trees) if line], [*find_remarks(scenario), *odd, *left_out])
+    trees, odd = describe_stem_map(scenario.trees, scenario.geo)
+    return Remarks(
+        [line for line in (people, trees, tell_origin(scenario.geo)) if line],
+        [*find_remarks(scenario), *odd, *left_out],
+    )
 
 
 def draw_starts(scenario: Scenario, seed: int) -> Scenario:
@@ -93,7 +97,9 @@ def _read_recorded_people(scenario: Scenario) -> Trajectories | None:
     return (
         None
         if file is None
-        else read_trajectories(file, scenario.area, duration=_find_duration(scenario), people=scenario.people)
+        else read_trajectories(
+            file, scenario.area, duration=_find_duration(scenario), people=scenario.people, geo=scenario.geo
+        )
     )
 
 

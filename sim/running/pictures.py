@@ -24,7 +24,7 @@ class Pictures(AbstractContextManager["Pictures"]):
         self._video: Video | None = None
         if results.video:
             title = format_planner_title(heading.planner, heading.sees_truth)
-            film = Film(heading.scenario, heading.forest, planner=title)
+            film = Film(heading.scenario, heading.forest, planner=title, believed=heading.believed_forest)
             self._video = Video(results.film, film, fps=heading.scenario.rates.sensing)
 
     def add(self, snapshot: Snapshot, images: Sequence[Image | None]) -> None:

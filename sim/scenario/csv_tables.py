@@ -6,13 +6,18 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
+
+from sim.scenario.geo import LATITUDES, LONGITUDES, NOWHERE_ON_THE_MAP, Geo, read_gpx
 from sim.scenario.quantities import parse_number
 from sim.scenario.text_files import read_text
 from tracking.errors import InputError
+from tracking.numerics.arrays import Array
 
 MOST_BYTES = 2**28  # largest size of a file, enough for rows at 10 Hz for as long as people may walk
 _MOST_LINES = 2**23  # lines of a file, which take a few gigabytes during reading
@@ -24,6 +29,11 @@ _OTHER_FORMATS = {  # by the beginnings of their texts
     r'(?s)\s*\{.{0,2000}"(Feature|FeatureCollection|GeometryCollection|Topology)"': "GeoJSON",
     r"\s*(\{|\[\s*[\[{])": "JSON",
 }
+_GPX = r"\s*<[^>]*>?\s*(<!--.*?-->\s*)*<?gpx\b|\s*<gpx\b"
+# Date and time of day, parts of a second, and the zone, of ISO 8601.
+_TIME = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)([.,]\d+)?\s*(Z|UTC|[+-]\d\d(?::?\d\d)?)?")
+_AXES = (("x", "y"), ("x_m", "y_m"))  # names of columns of places, which latitude and longitude may replace
+_MAP = {name: "latitude" for name in LATITUDES} | {name: "longitude" for name in LONGITUDES}
 
 
 @dataclass(frozen=True)
@@ -54,6 +64,23 @@ class TableRow:
         if not math.isfinite(value):
             raise self.error(column, f"{found!r} is not a finite number")
         return value
+
+    def time(self, column: str) -> float:
+        """A time [s], or since 1970 of one such as 2024-05-01T10:00:00+02:00, which is of UTC without a zone."""
+        if not (found := _TIME.fullmatch(self.text(column))):
+            return self.number(column)
+        day, clock, part, zone = found.groups()
+        zone = "+00:00" if zone in (None, "Z", "UTC") else f"{zone[:3]}:{zone[-2:] if len(zone) > 3 else '00'}"
+        try:
+            whole = datetime.fromisoformat(f"{day} {clock}{zone}").timestamp()
+        except ValueError as error:
+            raise self.error(column, f"{found[0]!r} is no time: {error}") from error
+        return whole + float(f"0.{part[1:]}" if part else 0.0)
+
+    def lacks_zone(self, column: str) -> bool:
+        """True for a time of day without a zone."""
+        found = _TIME.fullmatch(self.values.get(column, ""))
+        return found is not None and not found[4]
 
     def optional_number(self, column: str) -> float | None:
         """A finite number; None if the table lacks the column, or the entry is empty or says that it is missing."""
@@ -106,13 +133,15 @@ def read_csv(
     nameless: bool = False,
     hints: Mapping[str, str] | None = None,
     spares: Mapping[str, str] | None = None,
+    geo: Geo = NOWHERE_ON_THE_MAP,
 ) -> Iterator[TableRow]:
     """Rows of a table that has these columns once each, and maybe others; empty lines are skipped.
 
     Entries are separated by commas, semicolons, tabs or spaces, as the first line shows. Unless they are separated by
     commas, numbers may have a decimal comma. Lines that begin with # are comments, the last of which may name the
-    columns. Rows may have names ahead of the first column, as R writes them. InputError begins with `field` and names
-    file, line and column.
+    columns. Rows may have names ahead of the first column, as R writes them. In place of x and y there may be latitude
+    and longitude. The tracks of a GPX file are read, too. InputError begins with `field` and names file, line and
+    column.
 
     Args:
         path: The file.
@@ -122,10 +151,13 @@ def read_csv(
         spares: Names that stand for a column if no other one does.
         nameless: True if a first line of numbers, as many as there are `columns`, is a row.
         hints: What to do if a column is missing, by column.
+        geo: Where the map is, from which places become metres.
     """
     name = f"{field}: {path}"
     found = read_text(path, field, MOST_BYTES)
     found = found if "\n" in found else found.replace("\r", "\n")  # ends of lines of old programs
+    if re.match(_GPX, found[:2000], re.DOTALL):
+        found = read_gpx(found, name)
     _check_format(found, name, columns)
     head, first = _split_head(found)
     delimiter = _find_delimiter(first)
@@ -134,7 +166,7 @@ def read_csv(
     )
 
     def translate(entries: list[str]) -> list[str]:
-        return _translate(entries, aliases or {}, spares or {})
+        return translate_names(entries, aliases or {}, spares or {})
 
     try:
         given = [entry.strip() for entry in next(filter(any, table), [])]
@@ -149,7 +181,10 @@ def read_csv(
             rows = chain([given], table)
             given = list(columns)
         header = translate(given)
-        _check_header(header, name, columns, aliases or {}, hints or {})
+        axes = next((axes for axes in _AXES if {*axes} <= known), ())
+        header, on_map = _find_map(header, axes)
+        wanted = [column for column in columns if not (on_map and column in axes)]
+        _check_header(header, name, wanted, aliases or {}, hints or {})
         names = {column: own for column, own in zip(header, given, strict=True) if column != own}
         named = False
         for n, entries in enumerate(filter(any, rows)):
@@ -162,9 +197,71 @@ def read_csv(
             if len(entries) != len(header):
                 raise InputError(f"{where}: has {len(entries)} entries, not {len(header)} as line 1")
             values = dict(zip(header, map(str.strip, entries), strict=True))
-            yield TableRow(where, table.line_num, values, names, decimal_comma=delimiter != ",")
+            row = TableRow(where, table.line_num, values, names, decimal_comma=delimiter != ",")
+            yield _place(row, axes, geo, on_map=on_map) if on_map or (geo.epsg and axes) else row
     except csv.Error as error:  # an entry is longer than Python's reader allows
         raise InputError(f"{name}, line {table.line_num}: {error}") from error
+
+
+def _find_map(header: list[str], axes: Sequence[str]) -> tuple[list[str], bool]:
+    """Names of columns, and True if those of latitude and longitude are in place of the `axes`."""
+    named = translate_names(header, {}, _MAP)
+    found = bool(axes) and not {*axes} & {*header} and {*_MAP.values()} <= {*named}
+    return (named if found else header), found
+
+
+def _place(row: TableRow, axes: Sequence[str], geo: Geo, *, on_map: bool) -> TableRow:
+    """A row with metres in the columns `axes`, in place of latitude and longitude or projected coordinates."""
+    own = ["longitude", "latitude"] if on_map else axes
+    if any(row.optional_number(column) is None for column in own):
+        return row if not on_map else _replace(row, own, axes, ("", ""))
+    x, y = (row.number(column) for column in own)
+    try:
+        if not on_map:
+            lats, lons = geo.unproject(np.array([x]), np.array([y]))
+            y, x = float(lats[0]), float(lons[0])
+        return _replace(row, own, axes, tuple(map(repr, geo.place(y, x))))
+    except InputError:
+        raise
+    except ValueError as error:
+        raise row.error(own[1], str(error)) from error
+
+
+def _replace(row: TableRow, own: Sequence[str], axes: Sequence[str], values: tuple[str, ...]) -> TableRow:
+    """A row with other values, in columns of other names."""
+    left = {column: value for column, value in row.values.items() if column not in own}
+    names = {axis: row.names.get(column, column) for axis, column in zip(axes, own, strict=True) if axis != column}
+    return replace(row, values={**left, **dict(zip(axes, values, strict=True))}, names={**row.names, **names})
+
+
+def find_map_origin(path: Path, field: str, geo: Geo) -> tuple[float, float] | None:
+    """Latitude and longitude [deg] in the middle of the places of a table; None if it has none on the map.
+
+    Wrong tables have none, either: an error tells of them when they are read.
+    """
+    columns = ("x", "y") if geo.epsg else ("longitude", "latitude")
+    projected = {"x_m": "x", "y_m": "y", "easting": "x", "northing": "y", "gx": "x", "gy": "y"}
+    spares = projected if geo.epsg else _MAP
+    found = []
+    try:
+        for row in read_csv(path, field, columns, spares=spares):
+            place = [row.optional_number(column) for column in columns]
+            if None not in place:
+                found.append(place)
+    except InputError:
+        return None
+    if not found:
+        return None
+    x, y = np.array(found, dtype=float).T
+    lats, lons = geo.unproject(x, y) if geo.epsg else (y, x)
+    return find_middle(lats, lons)
+
+
+def find_middle(latitudes: Array, longitudes: Array) -> tuple[float, float]:
+    """Latitude and longitude [deg] in the middle of places (N,) deg, to a tenth of a metre."""
+    ends = np.nanmin([latitudes, longitudes], axis=1), np.nanmax([latitudes, longitudes], axis=1)
+    latitude, longitude = ((ends[0] + ends[1]) / 2).round(6).tolist()
+    return latitude, longitude
 
 
 def _check_format(text: str, name: str, columns: Sequence[str]) -> None:
@@ -221,7 +318,7 @@ def _are_numbers(entries: Sequence[str]) -> bool:
     return all(math.isfinite(parse_number(entry.replace(",", "."))) for entry in entries)
 
 
-def _translate(entries: Sequence[str], aliases: Mapping[str, str], spares: Mapping[str, str]) -> list[str]:
+def translate_names(entries: Sequence[str], aliases: Mapping[str, str], spares: Mapping[str, str]) -> list[str]:
     """Names of columns as the reader knows them."""
     header = [aliases.get(entry, entry) for entry in entries]
     for n, entry in enumerate(header):

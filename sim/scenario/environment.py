@@ -53,14 +53,17 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     overlap: bool = False  # true if crowns may overlap; trunks are then 1 m apart
     # m²/m³, leaf area in the volume of a crown, which then is random clusters of leaves; by default crowns are opaque
     leaf_area_density: Annotated[float, Meta(ge=0, le=MOST_LEAVES)] | None = None
-    # CSV file of a stem map that replaces the random trees, relative to the scenario file, or the name of a packaged
-    # one: `"park"`, `"plantation"`
+    # CSV file of a stem map that replaces the random trees, or GeoJSON (`.geojson`) of points or crowns, relative to
+    # the scenario file, or the name of a packaged one: `"park"`, `"plantation"`
     file: str = ""
     # m, easting and northing of the area's centre, if the stem map has projected coordinates
     origin: tuple[Projected, Projected] = (0.0, 0.0)
     # `"refuse"` stems of the stem map within 1 cm of each other, or `"merge"`: they are one tree, with the sum of the
     # areas of their trunks and the largest of their crowns
     same_place: Literal["refuse", "merge"] = "refuse"
+    # trees of a stem map with a column status, or dead, fallen or alive: `"any"`, `"standing"`: also dead ones, but no
+    # fallen ones, or `"alive"`
+    status: Literal["any", "standing", "alive"] = "any"
 
     @property
     def tallest(self) -> float:

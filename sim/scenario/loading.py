@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from sim.installation import ASSETS
+from sim.scenario.csv_tables import find_map_origin
 from sim.scenario.environment import STANDS, TRAJECTORIES
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario, ScenarioSettings, leave_out_removed_keys
@@ -122,7 +123,7 @@ def _anchor_cameras(data: Mapping[str, Any], folder: Path) -> None:
 
 
 def _anchor(scenario: Scenario, folder: Path, changed: Collection[str] = ()) -> Scenario:
-    """The scenario with absolute paths of the user's files; names of packaged files stay.
+    """The scenario with absolute paths of the user's files, and their origin on the map; names of packaged files stay.
 
     Paths are relative to `folder`, or to the current folder if their key or its table is among the `changed` ones.
     """
@@ -137,4 +138,7 @@ def _anchor(scenario: Scenario, folder: Path, changed: Collection[str] = ()) -> 
             hint = did_you_mean(name, packaged)
             raise InputError(f"{table}.{key}: {name!r} is unknown; {hint} (or a .csv file)")
         scenario = msgspec.structs.replace(scenario, **{table: msgspec.structs.replace(settings, **{key: path})})
+        if scenario.geo.origin is None and (origin := find_map_origin(Path(path), f"{table}.{key}", scenario.geo)):
+            geo = msgspec.structs.replace(scenario.geo, origin=origin)
+            scenario = msgspec.structs.replace(scenario, geo=geo)
     return scenario

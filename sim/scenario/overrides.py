@@ -68,7 +68,7 @@ def _apply_override(data: dict[str, Any], override: str, earlier: Sequence[str])
         for name in ("fov_deg", "pixels"):  # which follow from the camera
             if f"{path[0]}.{path[1]}.{name}" not in earlier:
                 row.pop(name, None)
-    node[_find_entry(node, last, key)] = _parse_value(text)
+    node[_find_entry(node, last, key)] = parse_value(text)
 
 
 def _spell_out(key: str, value: Any) -> Any:  # noqa: ANN401 - plain data
@@ -117,7 +117,8 @@ def _find_entry(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  
     return int(text)
 
 
-def _parse_value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
+def parse_value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
+    """The TOML value in a text; text that is none stands for itself."""
     try:
         found = parse_toml(f"value = {text}", "--set")
     except InputError:

@@ -40,6 +40,8 @@ def find_remarks(scenario: Scenario) -> list[str]:
     if scenario.trees.leaf_area_density is not None and scenario.sensing.occlusion == "disc":
         opaque = 'trackers and planners take crowns to be opaque with sensing.occlusion = "disc"'
         found.append(f"trees.leaf_area_density: {opaque}")
+    if scenario.believed.leaf_area != 1.0 and scenario.trees.leaf_area_density is None and not scenario.trees.file:
+        found.append("believed.leaf_area: not used, as crowns are opaque; set trees.leaf_area_density")
     return (
         found
         + _remark_on_people(scenario.people)

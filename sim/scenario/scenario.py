@@ -9,7 +9,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 from msgspec import Meta, Struct, field
 
+from sim.scenario.believed import Believed
 from sim.scenario.environment import APPEARANCES, WALKS, Appearance, Area, People, Trees, Wind
+from sim.scenario.fleet import MOST_UAVS, Fleet, resize
+from sim.scenario.geo import Geo
 from sim.scenario.quantities import Path, count_scans, simplify_number
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav, UavSettings
@@ -75,19 +78,24 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     # m, distance of a person from a track beyond which the track does not hold them, in metrics, events and pictures
     loss_distance: Annotated[float, Meta(gt=0, le=10)] = 1.0
     area: Area = field(default_factory=Area)
+    geo: Geo = Geo()
     trees: Trees = field(default_factory=Trees)
     people: People = field(default_factory=People)
-    uavs: Annotated[tuple[Uav, ...], Meta(min_length=1, max_length=200)] = DEFAULT_FLEET  # the fleet, one or more
+    uavs: Annotated[tuple[Uav, ...], Meta(min_length=1, max_length=MOST_UAVS)] = DEFAULT_FLEET  # the fleet, one or more
     rates: Rates = field(default_factory=Rates)
     sensing: Sensing = field(default_factory=Sensing)
     tracking: Tracking = field(default_factory=Tracking)
     network: Network = field(default_factory=Network)
     appearance: Appearance = field(default_factory=Appearance)
     wind: Wind = field(default_factory=Wind)
+    believed: Believed = Believed()  # errors of what UAVs believe of the world
 
     def __post_init__(self) -> None:
         for registry, name in self.plugins:
             registry.check(name)
+        for table, own in (("trees", self.trees), ("people", self.people)):
+            if self.geo.epsg and own.origin != (0.0, 0.0):
+                raise ValueError(f"{table}.origin: not allowed with geo.epsg; geo.origin gives the area's centre")
         if self.dynamics == "kinematic" and not self.wind.is_calm:
             raise ValueError('wind: has no effect on UAVs of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):
@@ -95,6 +103,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if not any(self.works(i, 0.0) for i in range(len(self.uavs))):
             raise ValueError("uavs: all have fails_at 0; at least one has to work at the start")
         self.network.check(len(self.uavs))
+        self.believed.mislead(self.tracking)
         check_workload(self)
         self._check_times()
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
@@ -214,6 +223,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             return NoiseModel.range_bearing(own.alpha)
         return NoiseModel.camera(own.believed_camera, own.altitude)
 
+    @property
+    def believed_tracking(self) -> Tracking:
+        """Settings of trackers and planners, with the errors of what they believe of people and detectors."""
+        return self.believed.mislead(self.tracking)
+
     def works(self, uav: int, time: float) -> bool:
         """True if a UAV has not broken down at a time [s]."""
         fails_at = self.uavs[uav].fails_at
@@ -239,8 +253,9 @@ def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
 class ScenarioSettings(Scenario, frozen=True, forbid_unknown_fields=True):
     """A scenario as a file gives it: views of UAVs in part, and the appearance also by name."""
 
+    fleet: Fleet = field(default_factory=Fleet)
     # the fleet, one or more
-    uavs: Annotated[tuple[UavSettings, ...], Meta(min_length=1, max_length=200)] = tuple(
+    uavs: Annotated[tuple[UavSettings, ...], Meta(min_length=1, max_length=MOST_UAVS)] = tuple(
         UavSettings(start=uav.start, footprint=uav.footprint, alpha=uav.alpha) for uav in DEFAULT_FLEET
     )
     # how images vary with the seed: `"none"`, `"mild"`, `"full"`, or a table of the keys below
@@ -255,7 +270,8 @@ class ScenarioSettings(Scenario, frozen=True, forbid_unknown_fields=True):
         if isinstance(appearance, str):
             check_known("appearance", appearance, APPEARANCES, " (or a table of strengths)")
             appearance = APPEARANCES[appearance]
-        fleet = tuple(_complete_uav(i, uav) for i, uav in enumerate(self.uavs))
+        uavs = resize(self.uavs, self.fleet.size, self.area)
+        fleet = tuple(_complete_uav(i, uav) for i, uav in enumerate(uavs))
         rates = msgspec.structs.replace(self.rates, planning=simplify_number(self.rates.planning))
         given = {name: getattr(self, name) for name in Scenario.__struct_fields__}
         return Scenario(**{**given, "uavs": fleet, "rates": rates, "appearance": appearance})

@@ -22,7 +22,7 @@ _PIXELS = 128
 
 Footprint = Annotated[float, Meta(ge=0.01, le=_WIDEST)]  # m
 FieldOfView = Annotated[float, Meta(ge=1, lt=180)]  # deg
-Pixels = Annotated[int, Meta(ge=16, le=4096)]
+Pixels = Annotated[int, Meta(ge=16, le=10_000)]
 
 
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):
@@ -163,7 +163,7 @@ def measure_angle(camera: Camera, pixels: int) -> float:
     """The angle of view [deg] over so many pixels in the middle of a camera's images, along a row."""
     width, _ = camera.size
     ends = np.array([[(width - pixels) / 2, camera.optics.cy], [(width + pixels) / 2, camera.optics.cy]])
-    left, right = camera.slopes(ends)[:, 0].tolist()
+    left, right = camera.slopes(camera.shown(ends))[:, 0].tolist()
     return 360.0 * arctan2((right - left) / 2, 1.0) / math.pi
 
 

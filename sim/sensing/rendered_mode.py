@@ -24,7 +24,7 @@ class RenderedMode:
 
     def __init__(self, setup: SensorSetup) -> None:
         self._setup = setup
-        forest, uavs = Forest(setup.forest.trees), range(len(setup.cameras))
+        forest, uavs = Forest(setup.believed_forest.trees), range(len(setup.cameras))
         self._detectors = make_detectors(setup.scenario.sensing.detector, forest, uavs, setup.rng)
 
     def sense(self, shot: Shot) -> SensorOutput:

@@ -186,6 +186,8 @@ class Renderer:
         for strip, at, seen in self._cut_strips(camera, pose, sweep):
             found, people = self._capture(strip, at, seen)
             self._ground.draw(found.image, found.bodies, strip, at)
+            if strip.dark.size:
+                found.image[strip.dark] = 0
             images.append(found.image)
             masks.append(people)
         return Rendered(np.vstack(images), np.vstack(masks))
@@ -222,7 +224,8 @@ class Renderer:
         if view.sources.size:
             image, depth, bodies = found
             image = np.take(image.reshape(-1, 3), view.sources, axis=0)
-            found = Capture(image, np.take(depth, view.sources), np.take(bodies, view.sources))
+            bodies = np.where(view.dark, -1, np.take(bodies, view.sources))
+            found = Capture(image, np.take(depth, view.sources), bodies)
         return found, np.take(shown.people_by_id, found.bodies, mode="wrap")
 
     def in_view(self, camera: Camera, pose: Pose) -> Flags:

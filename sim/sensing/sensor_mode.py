@@ -89,15 +89,17 @@ class SensorSetup:
 
     Attributes:
         scenario: settings of the mission.
-        forest: trees and their model of occlusion.
+        forest: true trees and their model of occlusion.
         cameras: one per UAV, as the fleet believes them to be.
         rng: source of what the mode draws at random.
+        believed_forest: the map that UAVs, and so their detectors, believe.
     """
 
     scenario: Scenario
     forest: Forest
     cameras: list[Camera]
     rng: np.random.Generator
+    believed_forest: Forest
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +161,7 @@ class LineOfSightMode:
 
     @cached_property
     def _optics(self) -> Array:
-        """`Optics.numbers` (n, 12) of the true cameras."""
+        """`Optics.numbers` (n, 16) of the true cameras."""
         scenario = self.setup.scenario
         return np.array([scenario.true_camera(i).optics.numbers for i in range(len(scenario.uavs))])
 

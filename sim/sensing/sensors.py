@@ -73,7 +73,15 @@ class Reading:
 class Sensors:
     """The sensors of a fleet in one world."""
 
-    def __init__(self, scenario: Scenario, world: World, forest: Forest, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        world: World,
+        forest: Forest,
+        rng: np.random.Generator,
+        believed_forest: Forest | None = None,
+    ) -> None:
+        """`believed_forest`: the map that detectors have; without one, that of the true trees."""
         self._rng = rng
         self._scenario = scenario
         self._renderer = Renderer(world) if scenario.sensing.renders else None
@@ -83,7 +91,7 @@ class Sensors:
         self.noises = [scenario.noise_model(i) for i in uavs]
         self._models = np.array([noise.coefficients for noise in self.noises])
         self._name = scenario.sensing.mode
-        setup = SensorSetup(scenario, forest, self.cameras, rng.spawn(1)[0])
+        setup = SensorSetup(scenario, forest, self.cameras, rng.spawn(1)[0], believed_forest or forest)
         self._mode: SensorMode = SENSOR_MODES.make(self._name, setup)
         self._last = dict[int, Shot]()  # of each UAV
 

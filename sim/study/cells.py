@@ -1,17 +1,20 @@
 """Cells of a study: all combinations of its scenarios, levels of factors and planners."""
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import Struct
 
-from planning.planner_loading import add_options
+from planning.planner_loading import add_options, split_options
+from sim.scenario.overrides import parse_value
+from sim.scenario.quantities import parse_integers
 from sim.scenario.settings_text import flatten, format_settings, format_value
-from sim.study.definition import Study
+from sim.study.definition import Study, overlap
 from tracking.errors import InputError, spell
 
 TRACKER = "tracker"
@@ -19,6 +22,12 @@ VIEW = "view"  # factor that only trials of the bound have
 _UNLIMITED = {"sensing.mode": "ideal", "sensing.field_of_view": "unlimited"}  # their settings
 COMPARED_FACTORS = (TRACKER, VIEW)  # factors whose levels are compared as planners are
 _MOST_CELLS = 10_000
+# Keys, or their tables, of what a fleet meets and nobody chooses.
+_GIVEN = (
+    *("area", "trees", "people", "wind", "appearance", "sensing.mode", "sensing.occlusion", "sensing.noise"),
+    *("sensing.false_alarms", "sensing.miss_probability", "uavs.*.fails_at", "uavs.*.navigation"),
+    *(f"network.{key}" for key in ("loss", "links", "cuts", "range", "rate", "delay", "jitter")),
+)
 
 
 class StudyTable(NamedTuple):
@@ -42,8 +51,10 @@ class Cell(Struct, frozen=True):
 
     @property
     def settings(self) -> dict[str, str]:
-        """Overrides of the scenario by all tables."""
-        return {key: value for table in self.tables for key, value in table.settings.items()}
+        """Overrides of the scenario by all tables; of factors, whole lists come before entries in them."""
+        found = {key: value for table in self.tables for key, value in table.settings.items()}
+        varied = {key for table in self.tables if table.name.startswith("factors.") for key in table.settings}
+        return dict(sorted(found.items(), key=lambda item: item[0].count(".") if item[0] in varied else -1))
 
     @property
     def spec(self) -> str:
@@ -88,6 +99,38 @@ def list_cells(study: Study) -> list[Cell]:
     return found
 
 
+def parse_factor(text: str) -> tuple[str, list[Any]]:
+    """Key and levels of a factor given as key=level,level, where 1-6 is six levels; InputError for any other text."""
+    key, equals, given = (part.strip() for part in text.partition("="))
+    _, parts = split_options(f"levels({given})")
+    if not key or not equals or not parts:
+        raise InputError(f"--vary: {text!r} is not of the form key=level,level, for instance network.loss=0,0.5")
+    levels: list[Any] = []
+    for part in parts:
+        levels += parse_integers(part, "--vary") if re.fullmatch(r"\d+\s*-\s*\d+", part) else [parse_value(part)]
+    return key, levels
+
+
+def list_choices(study: Study) -> list[str]:
+    """The factors of which a user chooses the level: those that set options of planners, UAVs, trackers or rates."""
+    return [
+        factor
+        for factor, levels in study.factors.items()
+        if not any(overlap(key, given) for level in levels.values() for key in flatten(level) for given in _GIVEN)
+    ]
+
+
+def list_lone_keys(study: Study) -> list[str]:
+    """Remarks on factors that set a key of UAV 0 alone, one line each."""
+    found = []
+    for factor, levels in study.factors.items():
+        keys = {key for level in levels.values() for key in flatten(level)}
+        for own in sorted(key.removeprefix("uavs.0.") for key in keys if key.startswith("uavs.0.")):
+            if f"uavs.1.{own}" not in keys:
+                found.append(f"factors.{factor}: uavs.0.{own} is of UAV 0 alone; uavs.*.{own} is of all UAVs")
+    return found
+
+
 def _name_empty_lists(study: Study) -> str:
     """Names of the empty lists of a study, for an error message."""
     lists = {"planner": study.planners, "scenario": study.scenarios}
@@ -117,7 +160,7 @@ def add_trackers(study: Study, trackers: Sequence[str]) -> Study:
 
 
 def _check_levels(study: Study) -> None:
-    set_by: dict[str, str] = {}  # the factor that sets a key
+    set_by: dict[str, str] = {}  # the factor that sets a key or option
     for factor, levels in study.factors.items():
         where = study.at(f"factors.{factor}")
         if factor in ("planner", "scenario"):  # keys with another meaning in `exclude`
@@ -127,8 +170,10 @@ def _check_levels(study: Study) -> None:
             if not isinstance(options, Mapping):
                 raise InputError(f"{where}.{level}.planner: {options!r} is not allowed; expected {{option = value}}")
         for key in sorted({key for values in levels.values() for key in flatten(values)}):
-            if set_by.setdefault(key, factor) != factor:
-                raise InputError(f"{where}: {key} is what factor {set_by[key]!r} sets; allowed is one factor")
+            for other, first in set_by.items():
+                if first != factor and other.count(".") == key.count(".") and overlap(key, other):
+                    raise InputError(f"{where}: {key} is what factor {first!r} sets; allowed is one factor")
+            set_by[key] = factor
     if study.score and VIEW in study.factors:
         where = study.at(f"factors.{VIEW}")
         raise InputError(f"{where}: cannot be the name of a factor beside [score], whose bound has an unlimited view")

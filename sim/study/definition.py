@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import islice
+from itertools import islice, product
 from typing import Annotated, Any
 
 import msgspec
@@ -12,7 +12,7 @@ from sim.installation import ASSETS
 from sim.scenario.loading import STUDY_TABLES
 from sim.scenario.overrides import split_override
 from sim.scenario.quantities import MOST_LISTED, REPEATS, parse_integer, parse_integers, parse_seed_and_repeat
-from sim.scenario.settings_text import flatten, format_overrides, format_settings
+from sim.scenario.settings_text import flatten, format_overrides, format_settings, format_value
 from sim.scenario.text_files import find_toml_file, read_toml
 from tracking.errors import InputError, check_known, did_you_mean
 from tracking.settings import read_settings
@@ -122,6 +122,7 @@ def adapt_study(
     seeds: str | None = None,
     repeats: int | None = None,
     overrides: Sequence[str] = (),
+    vary: Mapping[str, Sequence[Any]] = {},
 ) -> Study:
     """The study with given values in place of its own.
 
@@ -132,36 +133,57 @@ def adapt_study(
         seeds: Seeds in the form of --seeds.
         repeats: Number of flights on each map.
         overrides: Settings as "key=value".
+        vary: Levels of further factors by key: of a setting, or `planner.option`, or `scenario` in place of its own.
 
     Raises:
-        InputError: If a factor sets the key of an override, or the study lacks a scenario.
+        InputError: If a factor sets the key of an override or of another factor, or the study lacks a scenario.
     """
     for scenario in scenarios:
         check_known("--scenario", scenario, study.scenarios)
-    added: dict[str, str] = {}
-    for override in overrides:
-        key, value = split_override(override)
-        for factor, levels in study.factors.items():
-            if any(_overlap(key, other) for level in levels.values() for other in flatten(level)):
-                raise InputError(f"--set: {key} is what factor {factor!r} of study {study.name} varies")
-        added[key] = value
+    levels = dict(vary)
+    worlds = tuple(map(str, levels.pop("scenario", ())))
+    added = dict(map(split_override, overrides))
+    for option, keys in (("--set", added), ("--vary", levels)):
+        for key, factor in product(keys, study.factors):
+            if any(overlap(key, other) for level in study.factors[factor].values() for other in flatten(level)):
+                raise InputError(f"{option}: {key} is what factor {factor!r} of study {study.name} varies")
+    for key, other in product(added, levels):
+        if overlap(key, other):
+            raise InputError(f"--set: {key} is what --vary {other} varies")
     return msgspec.structs.replace(
         study,
         planners=tuple(dict.fromkeys(planners)) or study.planners,
-        scenarios=tuple(dict.fromkeys(scenarios)) or study.scenarios,
+        scenarios=tuple(dict.fromkeys(worlds or scenarios)) or study.scenarios,
+        factors={**study.factors, **{key: _make_levels(key, values) for key, values in levels.items()}},
         seeds=study.seeds if seeds is None else seeds,
         repeats=study.repeats if repeats is None else repeats,
         given={**study.given, **added},
     )
 
 
-def _overlap(one: str, other: str) -> bool:
+def _make_levels(key: str, values: Sequence[Any]) -> dict[str, dict[str, Any]]:
+    """The levels of a factor that sets one key of the scenario, or one option of the planners."""
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise InputError(f"vary: {key}: {values!r} is not allowed; expected several levels, such as [1, 2]")
+    table, _, option = key.partition(".")
+    if table in ("planner", "tracker") and not option:
+        raise InputError(f"--vary: {key} is no setting; name each with --{key}")
+    return {format_value(v): {table: {option: v}} if table == "planner" else {key: v} for v in values}
+
+
+def overlap(one: str, other: str) -> bool:
     """True if one of two keys is the other, or a table that has it; a star is any part."""
     return all(a == b or "*" in (a, b) for a, b in zip(one.split("."), other.split("."), strict=False))
 
 
 def make_study(
-    planners: object, scenarios: object, *, seeds: Iterable[int], repeats: int, settings: Mapping[str, Any] | None
+    planners: object,
+    scenarios: object,
+    *,
+    seeds: Iterable[int],
+    repeats: int,
+    settings: Mapping[str, Any] | None,
+    vary: Mapping[str, Sequence[Any]] | None = None,
 ) -> Study:
     """A study of one or several planners in one or several scenarios, from arguments of Python; else InputError."""
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
@@ -172,6 +194,7 @@ def make_study(
         seeds=",".join(map(str, numbers)),  # the parser refuses one more than allowed
         repeats=parse_integer(repeats, "repeats", least=1, most=REPEATS),
         overrides=format_overrides(settings),
+        vary=vary or {},
     )
 
 

@@ -12,7 +12,7 @@ from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import find_scenario_remarks, make_forest_and_people
 from sim.running.fly import fly, is_built_in
 from sim.scenario.loading import place_of
-from sim.study.cells import COMPARED_FACTORS
+from sim.study.cells import COMPARED_FACTORS, list_lone_keys
 from sim.study.definition import Study
 from sim.study.scheduler import Options, complete
 from sim.study.store import NAME, Store, StoreError
@@ -45,7 +45,7 @@ def fly_study(
                 _check_missions(study, [trial for trial in trials if trial.key not in flown])
             settings = {msgspec.json.encode(trial.setting): trial.setting for trial in trials}
             doubts = [line for setting in settings.values() for line in find_scenario_remarks(setting).doubts]
-            print_remarks(*dict.fromkeys(doubts), *_list_remarks_on_others(store, trials))
+            print_remarks(*dict.fromkeys([*list_lone_keys(study), *doubts]), *_list_remarks_on_others(store, trials))
             with show_study_progress(Counter(map(_find_cell, trials))) as show:
 
                 def on_row(row: TrialRow, fresh: bool) -> None:

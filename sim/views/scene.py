@@ -298,6 +298,14 @@ def mark_trees(forest: Forest) -> tuple[TreeMark, ...]:
     return tuple(sorted(marks, key=lambda mark: not mark.is_crown))
 
 
+def outline_mistaken_crowns(forest: Forest, believed: Forest | None) -> list[Array]:
+    """Outlines (64, 2) m from above of the crowns of a believed map that are not so in the true forest."""
+    true, turn = set(forest.trees), np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    mistaken = [tree for tree in (believed.trees if believed else ()) if tree not in true]
+    return [np.array([tree.x, tree.y]) + tree.canopy_radius * circle for tree in mistaken]
+
+
 def mark_tracks(held: Sequence[Track], numbers: dict[int, int]) -> tuple[TrackMark, ...]:
     """The marks of tracks; numbers: those of all tracks so far by id, to which new ones are added."""
     return tuple([mark_track(track, numbers.setdefault(track.id, len(numbers))) for track in held])

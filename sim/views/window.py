@@ -64,7 +64,7 @@ def _furnish(engine: Engine, scenario: Scenario) -> list[int]:
 
 def _add_cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:
     """Id of a new pyramid of coloured glass: the view of a camera at the origin that looks down."""
-    ends = [(length * x, -length * y, -length) for x, y in camera.slopes(camera.corners).tolist()]
+    ends = [(length * x, -length * y, -length) for x, y in camera.slopes(camera.shown(camera.corners)).tolist()]
     sides = [index for k in range(4) for index in (0, 1 + k, 1 + (k + 1) % 4)]
     look = {"indices": sides, "rgbaColor": (*(tone / 255 for tone in uav_colour(uav)), 0.22)}
     shape = engine.createVisualShape(pybullet.GEOM_MESH, vertices=[(0, 0, 0), *ends], **look)

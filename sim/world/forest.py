@@ -17,7 +17,7 @@ from tracking.numerics.poisson import draw_poisson
 MAX_TREES = 10_000
 PATH_GAP = 0.5  # m, least distance from the bark of a trunk to a point that is to be kept clear
 GAP = 1.0  # m, least distance between the barks of two trees whose crowns may overlap, so that people pass
-_CROWN_SHARE = 0.5  # of the height of a tree, which its crown takes
+CROWN_SHARE = 0.5  # of the height of a tree, which its crown takes
 _ATTEMPTS = 200_000  # draws for all trees together; near jamming, more would add few trees
 _BATCH = 1000
 _NOWHERE = np.zeros((0, 2))
@@ -60,7 +60,7 @@ def _draw_sizes(trees: Trees, count: int, rng: np.random.Generator) -> Sizes:
     if trees.height is not None:
         heights = np.sort(rng.uniform(*trees.height, count))[::-1]
         crowns, trunks = (np.array(list(map(radius, heights.tolist()))) for radius in (crown_radius, trunk_radius))
-        return Sizes(crowns, heights * (1 - _CROWN_SHARE), heights, trunks)
+        return Sizes(crowns, heights * (1 - CROWN_SHARE), heights, trunks)
     radii = np.full(count, trees.canopy_radius)
     if trees.largest_radius is not None:
         radii = np.sort(rng.uniform(trees.canopy_radius, trees.largest_radius, count))[::-1]
@@ -76,12 +76,12 @@ def trunk_radius(height: float) -> float:
     return exp((0.760 - root) / (2 * 0.0340)) / 200
 
 
-def crown_radius(height: float) -> float:
-    """Radius [m] of the crown of a tree of a height [m], whose trunk is that of `trunk_radius`.
+def crown_radius(height: float, trunk: float | None = None) -> float:
+    """Radius [m] of the crown of a tree of a height [m], whose trunk has a radius [m], by default `trunk_radius`.
 
     Source: [Jucker17] for all trees, solved for the crown's diameter C [m]: D = 0.557 (H C)^0.809 exp(0.056² / 2).
     """
-    diameter = 200 * trunk_radius(height)
+    diameter = 200 * (trunk_radius(height) if trunk is None else trunk)
     return power(diameter / (0.557 * exp(0.056 * 0.056 / 2)), 1 / 0.809) / height / 2
 
 

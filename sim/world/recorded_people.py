@@ -9,6 +9,7 @@ import numpy as np
 
 from sim.scenario.csv_tables import RowErrors, TableRow, read_csv
 from sim.scenario.environment import Area, People
+from sim.scenario.geo import NOWHERE_ON_THE_MAP, Geo
 from sim.scenario.scenario import MOST_WALKED, Scenario
 from sim.world.trajectories import EXACT, SAMPLES_PER_SECOND, Trajectories
 from tracking.errors import InputError, spell
@@ -18,7 +19,7 @@ from tracking.numerics.distances import length
 COLUMNS = ("time", "id", "x", "y")
 _FRAMES = ("frame", "id", "x", "y")
 _ALIASES = {"t": "time", "time_s": "time", "x_m": "x", "y_m": "y"}
-_SPARES = {"timestamp": "time"}
+_SPARES = {"timestamp": "time", "datetime": "time", "time_utc": "time"}
 _LATEST = 1e12  # s, largest absolute value of a time
 _SOONEST = 1e-4  # s, least time between two rows of one person; shorter ones would mean absurd speeds
 _SLACK = 1e-6  # s, by which times of POSIX may differ by rounding from the time of the sample that is meant
@@ -31,7 +32,13 @@ _PLAIN = People()  # a file as it stands
 
 
 def read_trajectories(
-    path: Path, area: Area, *, duration: float, people: People = _PLAIN, slack: float = _SLACK
+    path: Path,
+    area: Area,
+    *,
+    duration: float,
+    people: People = _PLAIN,
+    slack: float = _SLACK,
+    geo: Geo = NOWHERE_ON_THE_MAP,
 ) -> Trajectories:
     """Read recorded people from a CSV file with the columns time (or t) [s], id, x and y [m].
 
@@ -40,12 +47,12 @@ def read_trajectories(
     the area's centre. Rows may have any order. Each person is present from the first to the last of their rows, but not
     with `people.outside = "clip"` between rows outside the area; in between, positions are interpolated by a monotone
     cubic (PCHIP), which does not overshoot. Before and after, people stand for `slack` s. People that are absent
-    throughout `duration` s are left out. InputError names the field of the scenario, file, and line and value of each
-    wrong row.
+    throughout `duration` s are left out. `geo` says where the map is, if places are on it. InputError names the field
+    of the scenario, file, and line and value of each wrong row.
     """
     name = f"people.trajectories: {path}"
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - EXACT) + 1) / SAMPLES_PER_SECOND
-    persons = _read_people(path, name, area, people)
+    persons = _read_people(path, name, area, people, geo)
     if all(np.isnan(place[0]) for rows in persons.values() for place in rows.values()):
         outside = f"all places are outside the area of {area.width:g} × {area.height:g} m"
         raise InputError(f"{name}: columns x and y: {outside}; do they have its origin?")
@@ -71,12 +78,14 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
     if path is None:
         return "", []
     name = f"people.trajectories: {path}"
-    people = _read_people(path, name, scenario.area, scenario.people)
+    people = _read_people(path, name, scenario.area, scenario.people, scenario.geo)
     times = [time for positions in people.values() for time in positions]
     speeds = {person: _compute_mean_speed(rows) for person, rows in people.items()}
     speeds = {person: speed for person, speed in speeds.items() if not math.isnan(speed)}
     span = f"{name}: {len(people)} people, from {spell(min(times))} to {spell(max(times))} s"
     doubts = []
+    if next(_read_table(path, scenario.people, nameless=True, geo=scenario.geo)).lacks_zone("time"):
+        doubts.append(f"{name}, column time: has no time zone; times are taken to be of UTC")
     if _lacks_names(path, scenario.people):
         if len(people) > len({*times}):
             count = f"has {len(people)} ids, but {len({*times})} times"
@@ -98,10 +107,10 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
     return line, doubts
 
 
-def _read_table(path: Path, people: People, *, nameless: bool) -> Iterator[TableRow]:
+def _read_table(path: Path, people: People, *, nameless: bool, geo: Geo = NOWHERE_ON_THE_MAP) -> Iterator[TableRow]:
     columns = COLUMNS if people.fps is None else _FRAMES
     field = "people.trajectories"
-    return read_csv(path, field, columns, _ALIASES, nameless=nameless, hints=_HINTS, spares=_SPARES)
+    return read_csv(path, field, columns, _ALIASES, nameless=nameless, hints=_HINTS, spares=_SPARES, geo=geo)
 
 
 def _lacks_names(path: Path, people: People) -> bool:
@@ -134,14 +143,14 @@ def _compute_mean_speed(rows: dict[float, Array]) -> float:
     return walked / float(times[-1] - times[0])
 
 
-def _read_people(path: Path, name: str, area: Area, people: People) -> dict[str, dict[float, Array]]:
+def _read_people(path: Path, name: str, area: Area, people: People, geo: Geo) -> dict[str, dict[float, Array]]:
     """Position (2,) m by person and time [s] of the mission; people are in the order in which the file has them.
 
     Positions outside the area are NaN if they are clipped.
     """
     found: dict[str, dict[float, Array]] = {}
     errors = RowErrors(name)
-    for row in _read_table(path, people, nameless=True):
+    for row in _read_table(path, people, nameless=True, geo=geo):
         with errors.collect():
             person, time, place = _read_row(row, area, people)
             if time in found.setdefault(person, {}):
@@ -161,7 +170,7 @@ def _read_row(row: TableRow, area: Area, people: People) -> tuple[str, float, Ar
     if len(person) > _LONGEST_ID or not person.isprintable():
         raise row.error("id", f"is not printable, or longer than the {_LONGEST_ID} characters allowed")
     column = "time" if people.fps is None else "frame"
-    time = row.number(column)
+    time = row.time(column) if people.fps is None else row.number(column)
     if abs(time) > _LATEST:
         raise row.error(column, f"{spell(time)} s is not allowed; expected at most {_LATEST:g} s")
     if people.fps is not None:

@@ -19,6 +19,8 @@ from sim.study.trials import list_trials
 sys.path.append(str(DOCS))
 import canopy
 import flights
+import how_many
+import mismatch
 import scale
 
 
@@ -30,6 +32,30 @@ def test_fewer_people_show_under_denser_crowns_and_most_do_in_the_open():
         assert (rows[rows[:, 0] == 0, 1] > 0).mean() > 0.85  # an opaque crown hides people beside it, too
     shown = [(rows[rows[:, 0] > 0, 1] > 0).mean() for rows in (thin, dense)]
     assert shown[0] > 0.95 and shown[1] < 0.5
+
+
+def test_the_page_on_fleets_gets_means_figure_and_verdict_of_the_study(tmp_path, monkeypatch):
+    """The share held rises with the size, by a tenth for each UAV, and is a little less from far above."""
+    with Store.open(tmp_path, "how-many") as store:
+        for task in list_trials(replace(how_many.STUDY, seeds="0-3")):
+            height, size = (float(dict(task.factors)[name]) for name in ("altitude", "fleet"))
+            held = {"share_held": 0.4 + 0.1 * size - height / 1000 + 0.002 * task.seed}
+            store.add(task, replace(invented(task), metrics=held))
+    page = tmp_path / "page.md"
+    page.write_text("# How\n\n## Result\n\nold\n")
+    monkeypatch.setattr(how_many, "PAGE", page)
+    monkeypatch.setattr(how_many, "PICTURE", tmp_path / "how-many.png")
+    for _ in range(2):  # again it replaces what it wrote
+        how_many.main(str(tmp_path))
+    text = page.read_text()
+    assert text.startswith("# How\n\n## Result\n\nShare of five") and "old" not in text and text.count("| m |") == 1
+    lines = [line.split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    assert lines[0] == ["| m", "1", "2", "3", "4", "5", "6 |"]
+    assert [line[0] for line in lines[1:]] == ["| ---", "| 15", "| 30", "| 50", "| 80"]
+    assert lines[2][1].startswith("48.8 [") and lines[5][5].startswith("82.3 [")
+    assert [[cell.startswith("**") for cell in line[1:]] for line in lines[2:]] == [[False] * 5 + [True]] * 4
+    assert "fleet = 6, altitude = 15 was the cheapest of 24 with a mean of at least 90 % on seeds 0-1" in text
+    assert (tmp_path / "how-many.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -61,6 +87,31 @@ def test_means_of_flights_are_over_all_folders_and_drawn_from_the_flight_without
     figure = flights.draw(flights.estimate([row for part in parts for row in read_rows(part)]))
     assert [len(axes.lines) for axes in figure.axes] == [3, 3, 3, 1]
     assert figure.axes[0].lines[0].get_xdata().tolist() == [0.0, 0.5, 1.0, 2.0, 3.0]
+
+
+def test_what_wrong_beliefs_cost_is_paired_by_maps_and_rankings_are_compared_with_those_under_the_truth(
+    tmp_path, monkeypatch, capsys
+):
+    """Of planner k the share is 0.9 - 0.1 k under the truth; a level costs 0.1 per planner, or turns the ranking."""
+    planners = mismatch.STUDY.planners[:3]
+    tasks = list_trials(replace(mismatch.STUDY, planners=planners, seeds="0-6"))
+    with Store.open(tmp_path / "mismatch", "mismatch") as store:
+        for task in tasks:
+            k, (_, level) = planners.index(task.planner), task.factors[0]
+            share = 0.9 - 0.1 * k - 0.002 * task.seed - 0.1 * (level == "20 % missing")
+            share -= 0.0004 * task.seed**2 * (level == "20 % missing")
+            share = 0.5 + 0.1 * k if level == "all missing" else share
+            store.add(task, replace(invented(task), metrics={"ospa.share_under_1m": share}))
+    monkeypatch.setattr(mismatch, "PICTURE", tmp_path / "mismatch.png")
+    mismatch.main([str(tmp_path / "mismatch")])
+    lines = capsys.readouterr().out.splitlines()
+    table = {cells[1].strip(): [cell.strip() for cell in cells[2:-1]] for cells in (line.split("|") for line in lines)}
+    assert len(lines) == 2 + len(mismatch.LEVELS) and list(table)[2:] == mismatch.LEVELS
+    assert table["exact"] == ["89.4", "79.4", "69.4", ""]
+    assert [cell.split()[0] for cell in table["20 % missing"]] == ["78.9", "68.9", "58.9", "1.00"]
+    assert table["20 % missing"][0].startswith("78.9 (+10.5 [+10.") and table["all missing"][3] == "-1.00"
+    assert table["half of the leaves"][3] == "1.00" and table["leaves, exact"][3] == ""
+    assert (tmp_path / "mismatch.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("uavs", scale.FLEETS)

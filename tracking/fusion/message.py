@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -122,16 +122,6 @@ class Message:
     def latest_sightings(self) -> Array:
         """Position [m] and time [s] of the last sure detections (T, 3), including this scan."""
         return find_latest_sightings(self.sightings, self.times, self.beliefs.means, self.time)
-
-    def select(self, rows: Indices, **changed: Any) -> Message:  # noqa: ANN401 - as many types as fields
-        """A copy with these rows of its tracks, where a row of -1 is empty, and with other fields changed."""
-        there = rows >= 0
-        for name, empty in EMPTY.items():
-            if name not in changed:
-                column = getattr(self, name)
-                changed[name] = np.full((len(rows), *column.shape[1:]), empty, column.dtype)
-                changed[name][there] = column[rows[there]]
-        return replace(self, **changed)
 
 
 @compiled

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.geometry.distortion import Distortion, find_reach
-from tracking.geometry.lens import Lens, Optics, focal_length, in_image, plane_pixel, plane_point
+from tracking.geometry.distortion import WIDEST, Distortion, explain_fold, find_reach
+from tracking.geometry.lens import Lens, Optics, focal_length, in_image, nearest_shown, plane_pixel, plane_point
 from tracking.geometry.quaternions import rotation
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
@@ -98,9 +98,9 @@ class Camera:
             height: Of the image [pixel].
             focal: Focal lengths (fx, fy) [pixel].
             centre: Principal point (cx, cy) [pixel].
-            distortion: Coefficients k1, k2, p1, p2, k3.
+            distortion: Coefficients k1, k2, p1, p2, k3, k4, k5, k6, or a lens: `Distortion.of("equidistant", k)`.
         """
-        bend = Distortion(*(float(k) for k in distortion))
+        bend = distortion if isinstance(distortion, Distortion) else Distortion.of("rational_polynomial", distortion)
         (fx, fy), (cx, cy) = focal, centre
         optics = Optics(float(fx), float(fy), float(cx), float(cy), int(width), int(height), bend)
         for name, value in optics._asdict().items():
@@ -110,11 +110,11 @@ class Camera:
                 allowed = "a number" if name in ("cx", "cy") else "more than 0"
                 raise ValueError(f"{name}: {value:g} is not allowed; expected {allowed}")
         if not all(math.isfinite(k) for k in bend):
-            raise ValueError(f"distortion: {list(bend)} is not allowed; expected finite numbers")
+            raise ValueError(f"distortion: {list(bend.coefficients)} is not allowed; expected finite numbers")
         optics = optics._replace(reach=find_reach(bend))
-        slope = float(np.max(np.abs(_find_plane_points(optics, _outline(optics)))))
+        slope = _find_widest_slope(optics)
         if not math.isfinite(slope):
-            raise ValueError(f"distortion: {list(bend)} folds the image over; expected coefficients that do not")
+            raise ValueError(explain_fold(bend))
         return Camera(2 * arctan2(slope, 1.0), optics.width, optics)
 
     @property
@@ -141,7 +141,7 @@ class Camera:
         if self.optics == Camera(self.fov, self.pixels).optics:
             slope = tan(self.fov / 2)
             return -slope, slope, -slope, slope
-        bottom, right, top, left = np.split(self.slopes(_outline(self.optics, closed=True)), 4)
+        bottom, right, top, left = np.split(self.slopes(self.shown(_outline(self.optics, closed=True))), 4)
         edges = left[:, 0].max(), right[:, 0].min(), -bottom[:, 1].min(), -top[:, 1].max()
         west, east, south, north = map(float, edges)
         return west, east, south, north
@@ -201,7 +201,11 @@ class Camera:
     @property
     def outline(self) -> Array:
         """The image's outline (N, 2) as of `footprint`, beginning at the lower left corner."""
-        return _outline(self.optics) if self.is_bent else self.corners
+        return self.shown(_outline(self.optics)) if self.is_bent else self.corners
+
+    def shown(self, uv: Array) -> Array:
+        """Pixels (N, 2), of which those that an equidistant lens does not show are moved to its rim."""
+        return _find_shown(self.optics, np.asarray(uv, dtype=float))
 
 
 def meet_plane(pose: Pose, rays: Array, height: float = 0.0) -> Array:
@@ -227,6 +231,26 @@ def _outline(optics: Optics, *, closed: bool = False) -> Array:
     zero, one = np.zeros(len(along)), np.ones(len(along))
     sides = [(along, one), (one, 1.0 - along), (1.0 - along, zero), (zero, along)]
     return np.concatenate([np.column_stack(side) for side in sides]) * [optics.width, optics.height]
+
+
+def _find_widest_slope(optics: Optics) -> float:
+    """The largest coordinate on the image plane at distance 1; NaN if the lens folds the image over.
+
+    An equidistant lens shows a circle, which has at least the middle of an edge unless it ends at `WIDEST`.
+    """
+    slopes = np.abs(_find_plane_points(optics, _outline(optics)))
+    shows = optics.distortion.equidistant and (
+        optics.reach >= WIDEST * WIDEST or np.isfinite(slopes[EDGE_POINTS // 2 :: EDGE_POINTS]).any()
+    )
+    return math.sqrt(optics.reach) if shows and np.isnan(slopes).any() else float(np.max(slopes))
+
+
+@compiled
+def _find_shown(optics: Optics, uv: Array) -> Array:
+    out = np.empty((len(uv), 2))
+    for k in range(len(uv)):
+        out[k, 0], out[k, 1] = nearest_shown(optics, uv[k, 0], uv[k, 1])
+    return out
 
 
 @compiled

@@ -3,6 +3,7 @@
 import math
 
 from tracking.geometry.line_of_sight import Grid, Vector, cylinder_of, free_share, is_blocked, optical_depth
+from tracking.geometry.map_errors import DEVIATION, clear_probability, hiding_probability
 from tracking.geometry.person import AREA_BY_HEIGHT, AREA_ON_TOP, PERSON_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
@@ -16,6 +17,7 @@ _ASIDE = 0.2  # m from a person's middle to those of their quarters, which one c
 # Largest free share of a quarter of a person whose middle is behind leaves, because they stick out of a crown.
 _BESIDE = 0.95
 USUAL_PIXEL, USUAL_SLOPE = 0.16, 0.4  # m, and horizontal over vertical distance: those of the default cameras
+_LEAST = 1e-6  # probability of a free line of sight that counts
 _FINEST = CLUSTER / 10  # m; finer pixels show hardly more people, because they meet the same gaps
 
 
@@ -42,17 +44,20 @@ def detectability(origin: Vector, point: Vector, pixel: float, cylinders: Array,
     """Probability that enough of a person at a point (3,) m shows to detect them from origin (3,) m.
 
     The law is that of `detectable_share`, with the free share of each quarter of the person. Opaque cylinders hide all
-    of the person or nothing. Arguments as of `tracking.geometry.line_of_sight.free_share`.
+    of the person or nothing; with a seventh column their places err, as in `tracking.geometry.map_errors`, while porous
+    ones stay where they are believed. Arguments as of `tracking.geometry.line_of_sight.free_share`.
     """
-    free = free_share(origin, point, cylinders, grid)
+    errs = cylinders.shape[1] > DEVIATION
+    clear = clear_probability(origin, point, cylinders, grid) if errs else 1.0
+    free = free_share(origin, point, cylinders, grid, errs) if clear > 0.0 else 0.0
     if not 0.0 < free < 1.0:
-        return free
+        return clear * free
     steps, apart = _count_steps(pixel, _find_slope(origin, point)), _find_share_apart(pixel)
     hidden = 0.0
     for k in range(4):
-        part = free_share(origin, _find_quarter(point, k), cylinders, grid)
+        part = free_share(origin, _find_quarter(point, k), cylinders, grid, errs)
         hidden += _log_hidden(min(part, _BESIDE), steps, apart)
-    return 1.0 - exp(0.25 * hidden)
+    return clear * (1.0 - exp(0.25 * hidden))
 
 
 @inlined
@@ -62,7 +67,10 @@ def middle_detectability(origin: Vector, point: Vector, pixel: float, cylinders:
     At the rims of crowns the two differ, but planners, which ask most, take a fifth of the time. Arguments as of
     `detectability`.
     """
-    return detectable_share(free_share(origin, point, cylinders, grid), pixel, _find_slope(origin, point))
+    errs = cylinders.shape[1] > DEVIATION
+    clear = clear_probability(origin, point, cylinders, grid) if errs else 1.0
+    free = free_share(origin, point, cylinders, grid, errs) if clear > 0.0 else 0.0
+    return clear * detectable_share(free, pixel, _find_slope(origin, point))
 
 
 @inlined
@@ -75,13 +83,20 @@ def lower_detectabilities(
     m; cylinders (B, 6) that may hide the point, of which all are tried.
     """
     east, north = cameras[0], cameras[1]
-    hidden, porous = 0, False
+    hidden, porous, errs = 0, False, cylinders.shape[1] > DEVIATION
     for k in range(len(cylinders)):
         x, y, radius, bottom, top, extinction = cylinder_of(cylinders, k)
         cylinder, opaque = (x, y, radius, bottom, top, extinction), extinction == math.inf
         porous |= not opaque
         for lane in range(len(shares) if opaque else 0):
-            if shares[lane] > 0.0 and is_blocked((east[lane], north[lane], height), point, cylinder):
+            if not shares[lane] > 0.0:
+                continue
+            origin = east[lane], north[lane], height
+            if errs:
+                shares[lane] *= 1.0 - hiding_probability(origin, point, cylinder, cylinders[k, DEVIATION])
+            elif is_blocked(origin, point, cylinder):
+                shares[lane] = 0.0
+            if shares[lane] < _LEAST:
                 shares[lane] = 0.0
                 hidden += 1
     apart = _find_share_apart(pixel)
@@ -91,16 +106,17 @@ def lower_detectabilities(
             free = _try_all(origin, point, cylinders)
             if 0.0 < free < 1.0:
                 free = 1.0 - exp(_log_hidden(free, _count_steps(pixel, _find_slope(origin, point)), apart))
-            shares[lane] = free
+            shares[lane] *= free
     return hidden
 
 
 @inlined
 def _try_all(origin: Vector, point: Vector, cylinders: Array) -> float:
-    """`free_share` without a raster."""
+    """`free_share` through leaves without a raster."""
     depth = 0.0
     for k in range(len(cylinders)):
-        depth += optical_depth(origin, point, cylinder_of(cylinders, k), 0.0, 1.0)
+        if cylinders[k, 5] < math.inf:
+            depth += optical_depth(origin, point, cylinder_of(cylinders, k), 0.0, 1.0)
     return exp(-depth)
 
 

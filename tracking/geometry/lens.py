@@ -8,6 +8,8 @@ from tracking.geometry.quaternions import rotation
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 
+_INSIDE = 1e-9  # of the rim of a lens, as its inverse needs points within its reach
+
 
 class Optics(NamedTuple):
     """Calibration of a camera, in pixels. The centre of the first pixel is (0.5, 0.5); in OpenCV it is (0, 0)."""
@@ -23,7 +25,7 @@ class Optics(NamedTuple):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """All twelve numbers, for `lens_of`."""
+        """All 16 numbers, for `lens_of`."""
         return *self[:6], *self.distortion, self.reach
 
 
@@ -37,9 +39,10 @@ class Lens(NamedTuple):
 
 @compiled
 def lens_of(optics: Array, position: Array, quaternion: Array) -> Lens:
-    """The lens of `Optics.numbers` (12,) at a position (3,) m with an attitude (4,)."""
+    """The lens of `Optics.numbers` (16,) at a position (3,) m with an attitude (4,)."""
     o = optics
-    calibration = Optics(o[0], o[1], o[2], o[3], int(o[4]), int(o[5]), Distortion(o[6], o[7], o[8], o[9], o[10]), o[11])
+    bend = Distortion(o[6], o[7], o[8], o[9], o[10], o[11], o[12], o[13], o[14])
+    calibration = Optics(o[0], o[1], o[2], o[3], int(o[4]), int(o[5]), bend, o[15])
     return Lens((position[0], position[1], position[2]), rotation(quaternion), calibration)
 
 
@@ -56,6 +59,19 @@ def plane_pixel(optics: Optics, x: float, y: float) -> tuple[float, float]:
     if optics.reach > 0.0:
         x, y = distort(optics.distortion, x, y) if x * x + y * y <= optics.reach else (math.nan, math.nan)
     return optics.cx + optics.fx * x, optics.cy + optics.fy * y
+
+
+@compiled
+def nearest_shown(optics: Optics, u: float, v: float) -> tuple[float, float]:
+    """The pixel (u, v) itself, or that in its direction on the rim of an equidistant lens which does not show it."""
+    if optics.distortion.equidistant == 0.0:
+        return u, v
+    x, y = (u - optics.cx) / optics.fx, (v - optics.cy) / optics.fy
+    rim = (1.0 - _INSIDE) * distort(optics.distortion, math.sqrt(optics.reach), 0.0)[0]
+    far = math.sqrt(x * x + y * y)
+    if far <= rim:
+        return u, v
+    return optics.cx + rim / far * (u - optics.cx), optics.cy + rim / far * (v - optics.cy)
 
 
 @compiled
@@ -87,9 +103,13 @@ def magnification(optics: Optics, u: float, v: float) -> float:
 
 @compiled
 def linear_pixel(optics: Optics, u: float, v: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Pixel coordinates near a pixel as linear functions of (x, y, 1) on the image plane at distance 1."""
+    """Pixel coordinates near a pixel as linear functions of (x, y, 1) on the image plane at distance 1.
+
+    For a pixel that an equidistant lens does not show, they are those of `nearest_shown`.
+    """
     if optics.reach == 0.0:
         return (optics.fx, 0.0, optics.cx), (0.0, optics.fy, optics.cy)
+    u, v = nearest_shown(optics, u, v)
     x, y = plane_point(optics, u, v)
     xx, yy, xy = distortion_slopes(optics.distortion, x, y)
     a, b, c, d = optics.fx * xx, optics.fx * xy, optics.fy * xy, optics.fy * yy

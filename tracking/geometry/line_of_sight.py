@@ -135,14 +135,16 @@ def optical_depth(origin: Vector, point: Vector, cylinder: Vector, start: float,
 
 
 @inlined
-def free_share(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> float:
+def free_share(origin: Vector, point: Vector, cylinders: Array, grid: Grid, leaves: bool = False) -> float:
     """Probability that nothing in cylinders (B, 6) is on the segment from origin (3,) to point (3,).
 
     The last column is the extinction [1/m]. It is infinite for opaque cylinders, which leave nothing free. Porous ones
     leave exp(-extinction s) of a path of s m, the law of Beer and Lambert.
     Source: [Monsi53], for leaves in random places.
+
+    leaves: True to leave out the opaque cylinders.
     """
-    start, end = _clip(origin, point, grid.low, grid.high)
+    start, end = clip(origin, point, grid.low, grid.high)
     if start > end:
         return 1.0
     dx, dy = point[0] - origin[0], point[1] - origin[1]
@@ -152,9 +154,11 @@ def free_share(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> f
     depth = 0.0  # extinction times length, of each cylinder piece by piece
     for k in range(pieces):
         s = start + (end - start) * (k + 0.5) / pieces
-        cell = grid.rows * grid.columns if every else _find_cell(origin[0] + s * dx, origin[1] + s * dy, grid)
+        cell = grid.rows * grid.columns if every else find_cell(origin[0] + s * dx, origin[1] + s * dy, grid)
         low, high = start + (end - start) * k / pieces, start + (end - start) * (k + 1) / pieces
         for m in range(grid.starts[cell], grid.starts[cell + 1]):
+            if leaves and cylinders[grid.members[m], 5] == math.inf:
+                continue
             depth += optical_depth(origin, point, cylinder_of(cylinders, grid.members[m]), low, high)
             if depth == math.inf:
                 return 0.0
@@ -169,7 +173,7 @@ def cylinder_of(cylinders: Array, row: int) -> Vector:
 
 
 @compiled
-def _find_cell(x: float, y: float, grid: Grid) -> int:
+def find_cell(x: float, y: float, grid: Grid) -> int:
     """Index of the cell at a place, or of the nearest cell."""
     row = min(max(int((y - grid.low[1]) / grid.cell), 0), grid.rows - 1)
     column = min(max(int((x - grid.low[0]) / grid.cell), 0), grid.columns - 1)
@@ -177,7 +181,7 @@ def _find_cell(x: float, y: float, grid: Grid) -> int:
 
 
 @inlined
-def _clip(origin: Vector, point: Vector, low: Vector, high: Vector) -> tuple[float, float]:
+def clip(origin: Vector, point: Vector, low: Vector, high: Vector) -> tuple[float, float]:
     """Part [start, end] in a box of the segment from origin (3,), at 0, to point (3,), at 1; start > end if none."""
     start, end = 0.0, 1.0
     for axis in range(3):

@@ -10,6 +10,7 @@ import numpy as np
 from tracking.geometry.leaf_gaps import USUAL_PIXEL, USUAL_SLOPE, detectability, detectable_share
 from tracking.geometry.lens import Lens, image_point, in_image, lens_of, pixel_size
 from tracking.geometry.line_of_sight import Grid, cylinder_of, free_share, make_grid, optical_depth
+from tracking.geometry.map_errors import DEVIATION, REACH
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
@@ -94,10 +95,16 @@ class Forest:
     Attributes:
         trees: the trees.
         occlusion: `line_of_sight`, or `disc` as in the paper.
+        deviation: standard deviation [m] of the errors of the trees' places along each axis, by which probabilities of
+            detection allow for errors of opaque trees. Other methods take trees to be where the map has them.
+        unknown: number per m² of trees that the map lacks, opaque and of the mean size of its own, for which
+            they allow as well.
     """
 
     trees: tuple[Tree, ...]
     occlusion: Occlusion = "line_of_sight"
+    deviation: float = 0.0
+    unknown: float = 0.0
 
     @cached_property
     def is_porous(self) -> bool:
@@ -131,14 +138,29 @@ class Forest:
         """Cylinders (B, 6) on lines of sight: all solids, or with "disc" one opaque disc for each canopy.
 
         Note: [Li22] hides a target whenever it is inside a circle. A disc is a cylinder whose top and bottom are both
-        at the target's height, where every line of sight ends.
+        at the target's height, where every line of sight ends. With a `deviation`, that is a seventh column (B, 7),
+        and with `unknown` trees these are one more row, as in `tracking.geometry.map_errors`.
         """
-        if self.occlusion == "line_of_sight":
-            return self.cylinders
-        discs = self.canopies.copy()
-        discs[:, 3:5] = TARGET_HEIGHT
-        discs[:, 5] = math.inf
-        return discs
+        found = self.cylinders
+        if self.occlusion == "disc":
+            found = self.canopies.copy()
+            found[:, 3:5] = TARGET_HEIGHT
+            found[:, 5] = math.inf
+        if not (self.deviation or self.unknown):
+            return found
+        found = np.column_stack([found, np.full(len(found), self.deviation)])
+        if not (self.unknown and self.trees):
+            return found
+        _, _, radius, low, high, *_ = self.canopies.mean(axis=0)
+        sizes = (radius, low, high) if self.occlusion == "line_of_sight" else (radius, TARGET_HEIGHT, TARGET_HEIGHT)
+        return np.vstack([found, (self.unknown, 0.0, *sizes, math.inf, math.inf)])
+
+    @cached_property
+    def reach(self) -> Array:
+        """Distance (B,) m from the axis of each of the `blockers` within which it may hide people."""
+        if not (self.deviation or self.unknown):
+            return self.blockers[:, 2]
+        return np.asarray(self.blockers[:, 2] + REACH * self.blockers[:, DEVIATION])
 
     @cached_property
     def canopies(self) -> Array:
@@ -163,7 +185,9 @@ class Forest:
     @cached_property
     def grid(self) -> Grid:
         """Grid over the `blockers`."""
-        return make_grid(self.blockers)
+        within = self.blockers.copy()
+        within[:, 2] = self.reach
+        return make_grid(within[np.isfinite(self.reach)])
 
     def visible(self, cameras: Array, points: Array) -> Flags:
         """Flags (C, N) of points (N, 3) m where cameras (C, 3) m see a person in view with probability 1/2 or more.
@@ -190,7 +214,7 @@ class Forest:
     def find_shown(self, optics: Array, positions: Array, quaternions: Array, points: Array) -> Array:
         """Probabilities (C, N) that cameras detect people at points (N, 3) m: `detectabilities`, 0 out of the image.
 
-        optics (C, 12): `Optics.numbers` of each camera; positions (C, 3) m and quaternions (C, 4): their poses. Nobody
+        optics (C, 16): `Optics.numbers` of each camera; positions (C, 3) m and quaternions (C, 4): their poses. Nobody
         is at points that are NaN.
         """
         return _find_shown(optics, positions, quaternions, points, self.blockers, self.grid)
@@ -210,7 +234,8 @@ class Forest:
 
     def shares_hidden(self, camera: Array, points: Array) -> Array:
         """Share (N, T) of each line from a camera (3,) m to points (N, 3) m that each tree hides by itself."""
-        return _find_shares_hidden(camera, points, self.blockers, self.tree_of_blockers, len(self.trees))
+        tree_of = self.tree_of_blockers
+        return _find_shares_hidden(camera, points, self.blockers[: len(tree_of)], tree_of, len(self.trees))
 
 
 @compiled

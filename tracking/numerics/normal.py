@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp, log, polynomial
 from tracking.numerics.stacks import elementwise
 
@@ -41,6 +41,17 @@ _FARTHER = (
 # fmt: on
 
 
+@inlined
+def normal_cdf(x: float) -> float:
+    """As `normal_cdf_each`, of one number."""
+    z = abs(x)
+    if z < 7.07106781186547:
+        tail = exp(-0.5 * z * z) * polynomial(_TAIL[0], z) / polynomial(_TAIL[1], z)
+    else:
+        tail = exp(-0.5 * z * z) / (z + 1.0 / (z + 2.0 / (z + 3.0 / (z + 4.0 / (z + 0.65))))) / 2.506628274631
+    return 1.0 - tail if x > 0.0 else tail
+
+
 @elementwise
 @compiled
 def normal_cdf_each(x: Array) -> Array:
@@ -50,12 +61,7 @@ def normal_cdf_each(x: Array) -> Array:
     """
     out = np.empty(len(x))
     for k in range(len(x)):
-        z = abs(x[k])
-        if z < 7.07106781186547:
-            tail = exp(-0.5 * z * z) * polynomial(_TAIL[0], z) / polynomial(_TAIL[1], z)
-        else:
-            tail = exp(-0.5 * z * z) / (z + 1.0 / (z + 2.0 / (z + 3.0 / (z + 4.0 / (z + 0.65))))) / 2.506628274631
-        out[k] = 1.0 - tail if x[k] > 0.0 else tail
+        out[k] = normal_cdf(x[k])
     return out
 
 

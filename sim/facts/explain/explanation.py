@@ -109,7 +109,7 @@ def _tell_observation(w: PersonObservation, facts: PersonFacts) -> list[str]:
 
 def _tell_view(w: PersonObservation, recording: Recording) -> list[str]:
     sighting = w.sighting
-    lines = [f"{sighting.status}, {w.away:.1f} m from the point below the camera", *w.pose_error]
+    lines = [f"{sighting.status}, {w.away:.1f} m from the point below the camera", *w.errors]
     for tree, share in sighting.hidden_by.items():
         trunk, radius = recording.trees[tree, :2], recording.trees[tree, 2]
         text = f"tree {tree} stands at {format_place(trunk)}, its canopy reaches {radius:.1f} m"

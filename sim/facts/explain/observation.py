@@ -9,7 +9,7 @@ import numpy as np
 from sim.facts.flight import Flight
 from sim.facts.metrics.score import find_owners_at
 from sim.facts.rerender import Rerenderer
-from sim.facts.sightings import Sighting, find_sightings, tell_pose_error
+from sim.facts.sightings import Sighting, find_sightings, tell_map_error, tell_pose_error
 from sim.facts.tracking_replay import replay_tracking
 from sim.sensing.detection_truth import match_detections
 from tracking.account import Association
@@ -36,7 +36,7 @@ class PersonObservation:
     works: bool
     sighting: Sighting
     away: float  # m, horizontal distance from the camera to the person; NaN if absent
-    pose_error: list[str]  # as `tell_pose_error`
+    errors: list[str]  # as `tell_pose_error` and `tell_map_error`
     whole: int | None  # number of pixels of the person in the frame if nothing hid it; None if it was not rendered
     found: PersonMeasurement | None
     owners: Indices  # (N,), person of each measurement; -1 for a false alarm
@@ -71,7 +71,7 @@ class Observer(ExitStack):
             works=bool(recording.working[k, uav]),
             sighting=sighting,
             away=float(np.hypot(*(recording.people[k, person] - recording.cameras[k, uav, :2]))),
-            pose_error=tell_pose_error(recording, k, uav),
+            errors=tell_pose_error(recording, k, uav) + tell_map_error(recording, k, uav, person),
             whole=self.again.count_whole(k, uav, person) if shown else None,
             found=self._found(k, uav, person, owners),
             owners=owners,

@@ -61,7 +61,7 @@ def find_planned_visibility(
 def _find_view_states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
     """States (S,) of places (S, 2) m in the camera at S or more poses; `OUT_OF_VIEW` for NaN."""
     setting = recording.setting
-    trees = recording.known_forest
+    trees = recording.believed_forest
     camera = setting.believed_camera(uav)
     found = np.full(len(places), OUT_OF_VIEW)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):

@@ -86,13 +86,18 @@ class Group:
 
 
 def group_rows(
-    rows: Sequence[TrialRow], baseline: str | None = None, given: Mapping[str, str] = {}, order: Sequence[str] = ()
+    rows: Sequence[TrialRow],
+    baseline: str | None = None,
+    given: Mapping[str, str] = {},
+    order: Sequence[str] = (),
+    levels: Mapping[str, Sequence[str]] = {},
 ) -> list[Group]:
-    """Groups of rows by cell and planner; cells are in natural order, and so are planners that `order` does not list.
+    """Groups of rows by cell and planner; what neither `order` nor `levels` lists is in natural order.
 
     baseline: its label, as from `find_baseline`, which comes first of these. given: labels of planners, as from
-    `parse_labels`. order: entrants, as from `format_entrant`, in the order of their planners. A planner whose options
-    vary with the cell, such as sma-nbo(horizon=3) where H = 3, is labelled by the text that all its cells share.
+    `parse_labels`. order: entrants, as from `format_entrant`, in the order of their planners. levels: levels of factors
+    in their order. A planner whose options vary with the cell, such as sma-nbo(horizon=3) where H = 3, is labelled by
+    the text that all its cells share.
     InputError if a trial is there twice, as from a folder in which a study was flown with different settings.
     """
     cells = cells_of(rows)
@@ -112,7 +117,7 @@ def group_rows(
     def rank(key: tuple[Levels, str]) -> tuple[Any, ...]:
         cell, planner = key
         own = places.get(planner, 1), planner != baseline, _make_sort_key(planner)
-        return [(name, _make_sort_key(value)) for name, value in cell], *own
+        return [(name, _rank_level(name, value, levels)) for name, value in cell], *own
 
     groups = []
     for cell, planner in sorted(found, key=rank):
@@ -122,13 +127,17 @@ def group_rows(
     return groups
 
 
-def find_varying_factors(groups: Sequence[Group]) -> dict[str, list[str]]:
-    """The factors with several values over the groups, with these values in natural order."""
+def find_varying_factors(groups: Sequence[Group], levels: Mapping[str, Sequence[str]] = {}) -> dict[str, list[str]]:
+    """The factors with several values over the groups, with these values in the order of `group_rows`."""
     values: dict[str, dict[str, None]] = defaultdict(dict)
     for group in groups:
         for name, value in group.cell:
             values[name][value] = None
-    return {name: sorted(found, key=_make_sort_key) for name, found in values.items() if len(found) > 1}
+    return {
+        name: sorted(found, key=lambda value: _rank_level(name, value, levels))
+        for name, found in values.items()
+        if len(found) > 1
+    }
 
 
 def find_constant_factors(groups: Sequence[Group]) -> Levels:
@@ -140,6 +149,12 @@ def drop_constant_factors(groups: Sequence[Group]) -> list[Group]:
     """The groups, without the factors that have the same value in all of them."""
     same = find_constant_factors(groups)
     return [replace(g, cell=tuple(factor for factor in g.cell if factor not in same)) for g in groups]
+
+
+def _rank_level(factor: str, level: str, levels: Mapping[str, Sequence[str]]) -> tuple[Any, ...]:
+    """Sort key of a level: its place in the list of its factor, else its natural order after these."""
+    listed = levels.get(factor, ())
+    return (listed.index(level), ()) if level in listed else (len(listed), _make_sort_key(level))
 
 
 def _make_sort_key(text: str) -> tuple[tuple[int, float, str], ...]:

@@ -7,17 +7,20 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from html import escape
-from itertools import groupby
 from pathlib import Path
 
-from sim.facts.metrics.metric import Metric
 from sim.mission.atomic_files import write_whole
-from sim.study.analysis.answers import Answer, find_answers
+from sim.study.analysis.answers import find_answers
 from sim.study.analysis.groups import Group, find_constant_factors, find_varying_factors
 from sim.study.analysis.labels import SYMBOLS, append_cell, cell_text, format_entrant
 from sim.study.analysis.metric_choice import RUNTIME, find_shown_metric, list_available
-from sim.study.report.comparison import About, compare_rows
-from sim.study.report.figures.pictures import Picture, draw_pictures, draw_score_picture
+from sim.study.report.comparison import About, Comparison, compare_rows
+from sim.study.report.figures.pictures import (
+    Picture,
+    draw_pictures,
+    draw_response_pictures,
+    draw_score_picture,
+)
 from sim.study.report.html_parts import (
     make_bullet_list,
     make_command_line,
@@ -26,13 +29,14 @@ from sim.study.report.html_parts import (
     make_paragraph,
     make_titled_tables,
 )
-from sim.study.report.sentences import list_shortfalls, write_notes, write_verdict
+from sim.study.report.levels import make_level_tables, write_level_sentences
+from sim.study.report.sentences import format_ranges, list_shortfalls, write_notes, write_verdict
 from sim.study.report.single_trials import list_failures, show_extreme_maps
 from sim.study.report.tables import format_csv, make_answer_tables, make_runtime_tables, make_score_table
 from sim.study.trials import TrialRow
 from tracking.errors import InputError
 
-_FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # file names of a report's figures
+_FIGURES = r"(ecdf|time|maps|runtime|score|levels)(-[a-z0-9-]+)?\.(svg|png|pdf)"  # file names of a report's figures
 _HOW_TO_READ = (
     "A map is the forest and the people of one seed. Every planner flies the same maps. Seeds that share forest and "
     "people, as from files, are flights of one world: what follows then holds for its noise alone. A cell is one "
@@ -58,6 +62,11 @@ _HOW_TO_READ = (
     "A difference is the planner's value minus the baseline's on the same map. The last lines of a table compare means "
     "over all cells, seed by seed.",
     "Failed trials and undefined values do not count. They are listed wherever they are left out.",
+)
+_ON_LEVELS = (
+    "Levels of a factor are compared on the same seeds: with the level before and with the best, which was found on "
+    "these maps and so looks better than it is. What a user can choose is therefore chosen on the first half of the "
+    "seeds and judged on the others. A star marks what survives Holm's correction for all differences of the factor."
 )
 _HOW_TO_FLY = (
     "Click a command to select it, and run it in a shell. It writes film and recording into a folder under runs/."
@@ -91,7 +100,10 @@ def make_files(rows: Sequence[TrialRow], about: About) -> dict[str, bytes]:
     metric = found.metrics[0]
     runtimes = [find_shown_metric(name) for name in RUNTIME if name in list_available(rows)]
     times = find_answers(groups, runtimes, baseline)
-    pictures = draw_pictures(groups, baseline, found.metrics)
+    pictures = [
+        *draw_response_pictures(found.levels, metric, about.threshold),
+        *draw_pictures(groups, baseline, found.metrics),
+    ]
     scoring: list[Picture] = []
     scored = ""
     if found.scored:
@@ -106,16 +118,17 @@ def make_files(rows: Sequence[TrialRow], about: About) -> dict[str, bytes]:
     of_each = make_paragraph(f"For each planner separately, by {metric.title}.")
     tables = make_answer_tables(found.answers, baseline)
     sections = {
-        "In short": _write_verdicts(found.answers, baseline, metric),
+        "In short": _write_verdicts(found, about),
         "What was run": _describe_study(rows, found.every, about, baseline),
         "Scores": scored,
         "Results": f"{make_bullet_list(write_notes(found.answers))}\n{make_titled_tables(tables)}",
+        "Levels": make_titled_tables(make_level_tables(found.levels, metric, about.threshold)),
         "Figures": _embed_figures(pictures),
         "Run time": make_titled_tables(make_runtime_tables(times)),
         best_and_worst: of_each + extremes.tables if extremes.commands else "",
         f"Failures: {sum(len(group.failed) for group in found.every)}": list_failures(found.every),
         "Fly them again": make_paragraph(_HOW_TO_FLY) + extremes.commands if extremes.commands else "",
-        "How to read this": make_bullet_list(_HOW_TO_READ),
+        "How to read this": make_bullet_list((*_HOW_TO_READ, *([_ON_LEVELS] if found.levels else []))),
     }
     opening = f"<h1>{escape(about.study)}</h1>\n{make_paragraph(about.description, 'soft')}"
     files = {
@@ -123,7 +136,8 @@ def make_files(rows: Sequence[TrialRow], about: About) -> dict[str, bytes]:
         "table.csv": format_csv(full_answers, baseline).encode(),
     }
     for picture in (*pictures, *scoring):
-        files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
+        kinds = {"svg": picture.svg, "png": picture.png} | ({"pdf": picture.pdf} if picture.pdf else {})
+        files |= {f"figures/{picture.name}.{kind}": content for kind, content in kinds.items()}
     return files
 
 
@@ -140,8 +154,9 @@ def _embed_figures(pictures: Sequence[Picture]) -> str:
     return "\n".join(parts)
 
 
-def _write_verdicts(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
-    """Verdicts by one metric, with a sentence for each planner, and remarks on omitted trials and faults."""
+def _write_verdicts(compared: Comparison, about: About) -> str:
+    """Verdicts by the first metric: on levels, then one for each planner; and remarks on omitted trials and faults."""
+    found, baseline, metric = compared.answers, compared.baseline, compared.metrics[0]
     shown = sum(answer.difference is not None and answer.difference.pairs > 0 for answer in found)
     of_metric = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in of_metric if answer.cell is None}
@@ -158,7 +173,8 @@ def _write_verdicts(found: Sequence[Answer], baseline: str, metric: Metric) -> s
         if answer.difference and (answer.cell is None or answer.planner not in summed)
     ]
     left_out = list_shortfalls(of_metric)
-    lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
+    lines = sentences + write_level_sentences(compared.levels, compared.choices, metric, about.threshold)
+    lines = lines or [f"{baseline} alone; there is nothing to compare it with."]
     flown = max(answer.flown for answer in of_metric)
     counted = f"Seeds flown: {flown}; a comparison counts those on which both planners have a value."
     return make_bullet_list(lines) + (
@@ -197,12 +213,6 @@ def _describe_study(rows: Sequence[TrialRow], every: Sequence[Group], about: Abo
     return text + (
         make_paragraph("The command that runs it again:") + make_command_line(about.command) if about.command else ""
     )
-
-
-def format_ranges(numbers: Sequence[int]) -> str:
-    """Ascending integers as text, such as 0-4, 7."""
-    runs = [[number for _, number in run] for _, run in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0])]
-    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
 
 
 def format_duration(seconds: float) -> str:

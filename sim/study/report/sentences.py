@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 
 from sim.facts.metrics.metric import Metric
 from sim.study.analysis.answers import Answer, Difference
@@ -15,6 +16,12 @@ ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as 
 def count_samples(count: int, sample: str = "map") -> str:
     """A number of samples in words; sample: what they are, as of `Answer`."""
     return f"{count} {sample}{'s' * (count != 1)}"
+
+
+def format_ranges(numbers: Sequence[int]) -> str:
+    """Ascending integers as text, such as 0-4, 7."""
+    runs = [[number for _, number in run] for _, run in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0])]
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
 
 
 def write_verdict(

@@ -50,8 +50,8 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
             },
             "answer",
         ),
-        Entry("mean", answer.mean.text(metric), _list_ends("mean", answer.mean), "cell"),
-        Entry("median", answer.median.text(metric), _list_ends("median", answer.median), "cell", WIDE),
+        Entry("mean", answer.mean.text(metric), list_ends("mean", answer.mean), "cell"),
+        Entry("median", answer.median.text(metric), list_ends("median", answer.median), "cell", WIDE),
         Entry(
             _name_decile(metric), metric.text(answer.tail.decile), {"bad_decile": answer.tail.decile}, "cell", WIDEST
         ),
@@ -71,7 +71,7 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
         Entry(
             f"minus {baseline}",
             ("* " if gap.survives else "") + gap.mean.text(metric, signed=True),
-            _list_ends("difference", gap.mean),
+            list_ends("difference", gap.mean),
             "difference",
             if_empty="baseline",
         ),
@@ -111,7 +111,7 @@ def format_csv(found: Sequence[Answer], baseline: str) -> str:
     return text.getvalue()
 
 
-def _list_ends(name: str, estimate: Estimate) -> dict[str, Value]:
+def list_ends(name: str, estimate: Estimate) -> dict[str, Value]:
     """Fields of an estimate: its value and the ends of its interval."""
     return {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
 

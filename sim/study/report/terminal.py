@@ -17,6 +17,7 @@ from sim.scenario.random_streams import format_seed
 from sim.study.analysis.groups import find_constant_factors
 from sim.study.analysis.labels import cell_text, format_entrant, shorten_labels
 from sim.study.report.comparison import About, compare_rows
+from sim.study.report.levels import make_level_tables, write_level_sentences
 from sim.study.report.report_files import write
 from sim.study.report.sentences import list_shortfalls, write_notes
 from sim.study.report.tables import Table, make_answer_tables, make_score_table
@@ -56,7 +57,13 @@ def show(rows: Sequence[TrialRow], about: About, *, on: Console = console) -> No
     found = [replace(answer, planner=shorts[answer.planner]) for answer in compared.answers]
     if everywhere := find_constant_factors(compared.every):
         on.print(f"Everywhere: {escape(cell_text(everywhere))}")
-    for table in make_answer_tables(found, shorts[compared.baseline], width=on.width):
+    levels = [answer._replace(planner=shorts[answer.planner]) for answer in compared.levels]
+    choices = [choice._replace(planner=shorts[choice.planner]) for choice in compared.choices]
+    metric = compared.metrics[0]
+    for table in (
+        *make_answer_tables(found, shorts[compared.baseline], width=on.width),
+        *make_level_tables(levels, metric, about.threshold),
+    ):
         on.print(_make_terminal_table(table, on.width))
     if compared.scored:
         table = make_score_table(compared.scored, compared.groups)
@@ -67,6 +74,8 @@ def show(rows: Sequence[TrialRow], about: About, *, on: Console = console) -> No
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
     for note in write_notes(found, width=on.width):
         on.print(escape(note), style="dim")
+    for line in write_level_sentences(levels, choices, metric, about.threshold):
+        on.print(f"- {escape(line)}")
     for line in list_shortfalls(found):
         on.print(escape(line), style="bold red")
 

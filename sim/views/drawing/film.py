@@ -48,17 +48,25 @@ class Film:
     """
 
     def __init__(
-        self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = AS_FLOWN, labelled: bool = True
+        self,
+        scenario: Scenario,
+        forest: Forest,
+        *,
+        planner: str,
+        layout: str = AS_FLOWN,
+        labelled: bool = True,
+        believed: Forest | None = None,
     ) -> None:
         """Lay out the film; `layout` as in `layout.arrange_parts`. Ideal sensing has no cameras to show.
 
-        labelled: False if people are unknown; the film then shows detections on the map, and no OSPA.
+        believed: the map of trees that UAVs believe, where it may differ. labelled: False if people are unknown; the
+        film then shows detections on the map, and no OSPA.
         """
         self._labelled = labelled
         self._cameras = [uav.believed_camera for uav in scenario.uavs]  # through which UAVs see their tracks
         self._layout = lay_out_parts(scenario, layout)
         room = self._layout.map or _PANEL
-        self._map = MapView(scenario, forest, (room.width, room.height))
+        self._map = MapView(scenario, forest, (room.width, room.height), believed)
         self._scenes = SceneMaker(scenario, labelled=labelled)
         self._last: dict[int, Image] = {}  # each tile as of its camera's last frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
@@ -74,7 +82,7 @@ class Film:
         owner = first if self._layout.map else None
         tiles = bool(self._layout.tiles)
         shown = {"tiles": tiles, "labelled": labelled, "believed": scenario.navigation_errs}
-        draw_legend(legend, owner=owner, scale=self._map.scale, forest=forest, **shown)
+        draw_legend(legend, owner=owner, scale=self._map.scale, forest=forest, believed_forest=believed, **shown)
 
     @property
     def cameras(self) -> tuple[int, ...]:

@@ -20,7 +20,7 @@ from sim.views.palette import (
     mix,
     track_colour,
 )
-from sim.views.scene import PEOPLE_LOOKS, mark_trees
+from sim.views.scene import PEOPLE_LOOKS, mark_trees, outline_mistaken_crowns
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Image
 
@@ -39,6 +39,7 @@ def draw_legend(
     tiles: bool,
     scale: float,
     forest: Forest,
+    believed_forest: Forest | None = None,
     labelled: bool = True,
     believed: bool = False,
 ) -> None:
@@ -50,6 +51,7 @@ def draw_legend(
     entries: list[_Entry] = []
     if owner:
         entries += _list_trees(forest)
+        entries += [(_draw_believed_tree, "believed")] * bool(outline_mistaken_crowns(forest, believed_forest))
         people = PEOPLE_LOOKS.items() if labelled else ()
         entries += [(partial(draw_person_mark, heading=0.0, look=look), text) for text, look in people]
     entries.append((_draw_track, f"track of {owner}, 95 %" if owner else "track"))
@@ -90,6 +92,11 @@ def _draw_tree(image: Image, at: Array, *, cover: float) -> None:
     draw_disc(image, at, 10.0, mix(CANOPY, PANEL, cover))
     draw_disc(image, at, 10.0, CANOPY_EDGE, 1)
     draw_disc(image, at, 2.0, TRUNK)
+
+
+def _draw_believed_tree(image: Image, at: Array) -> None:
+    ring = at + 10.0 * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
+    draw_lines(image, cut_dashes(ring, BELIEVED), CANOPY_EDGE)
 
 
 def _draw_track(image: Image, at: Array) -> None:

@@ -14,7 +14,16 @@ from sim.views.drawing.lettering import TextStyle
 from sim.views.drawing.marks import draw_broken_mark, draw_cross, draw_detection, draw_person_mark, draw_quadrotor
 from sim.views.drawing.strokes import SHIFT, cut_dashes, draw_disc, draw_line, draw_lines, to_fixed_point
 from sim.views.palette import BELIEVED, INK, PANEL, mix
-from sim.views.scene import PersonMark, Scene, TrackMark, UavMark, mark_trees, measure_map, outline_ellipse
+from sim.views.scene import (
+    PersonMark,
+    Scene,
+    TrackMark,
+    UavMark,
+    mark_trees,
+    measure_map,
+    outline_ellipse,
+    outline_mistaken_crowns,
+)
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Image
 
@@ -24,13 +33,18 @@ _SPACIOUS = 2.0  # pixels per m; marks on maps with less are smaller
 class MapView:
     """Draws scenes on a map; its trees are drawn once."""
 
-    def __init__(self, scenario: Scenario, forest: Forest, size: tuple[int, int]) -> None:
+    def __init__(
+        self, scenario: Scenario, forest: Forest, size: tuple[int, int], believed: Forest | None = None
+    ) -> None:
+        """`believed`: the map that UAVs believe, whose crowns are outlined in dashes where they differ."""
         self._area = (scenario.area.width, scenario.area.height)
         self._size = size
         width, height = measure_map(scenario)
         self.scale = min(size[0] / width, size[1] / height)
         self._mark = float(np.clip(self.scale / _SPACIOUS, 0.5, 1.0))
         self._ground = self._draw_ground(forest)
+        for ring in outline_mistaken_crowns(forest, believed):
+            draw_lines(self._ground, cut_dashes(self.pixels(ring), BELIEVED), palette.CANOPY_EDGE)
 
     def draw(self, scene: Scene, image: Image | None = None) -> tuple[Image, Labels]:
         """The map (H, W, 3) RGB of a scene, in `image` if it is given, and its labels for further names."""

@@ -42,7 +42,14 @@ def write_film(
     """
     scenario = recording.setting
     title = format_planner_title(recording.planner, recording.sees_truth)
-    film = Film(scenario, recording.forest, planner=title, layout=layout, labelled=recording.labelled)
+    film = Film(
+        scenario,
+        recording.forest,
+        planner=title,
+        layout=layout,
+        labelled=recording.labelled,
+        believed=recording.believed_forest,
+    )
     with ExitStack() as stack:
         again = stack.enter_context(Rerenderer(recording)) if film.cameras else None
 

@@ -100,7 +100,7 @@ def _draw_map(facts: PersonFacts) -> tuple[Image, bool]:
     metres = np.array(measure_map(facts.flight.scenario))
     scale = min(_SCALE, _LARGEST / float(metres.max()))
     width, height = np.ceil(scale * metres).astype(int).tolist()
-    view = MapView(facts.flight.scenario, recording.forest, (width, height))
+    view = MapView(facts.flight.scenario, recording.forest, (width, height), recording.believed_forest)
     scene = make_scene(recording, facts.k, facts.flight.people.hold_states[facts.k])
     plain = [
         p._replace(named=None, look=p.look._replace(trouble=None)) for p in scene.people if p.number == facts.person

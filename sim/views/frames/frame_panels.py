@@ -85,7 +85,7 @@ def _describe_view(camera: Camera, pose: Pose) -> list[str]:
     lines = [_describe_camera(camera), height]
     if not looks_down(camera, pose):
         return [*lines, "reaches the horizon"]
-    ground = camera.ground_points(pose, camera.corners)
+    ground = camera.ground_points(pose, camera.shown(camera.corners))
     edges = np.hypot(*(np.roll(ground, -1, axis=0) - ground).T)
     bottom, right, top, left = (f"{edge:.1f}" for edge in edges)
     if np.ptp(edges) < 0.05:
@@ -100,7 +100,7 @@ def _describe_view(camera: Camera, pose: Pose) -> list[str]:
 
 def _describe_camera(camera: Camera) -> str:
     width, height = camera.size
-    ends = camera.slopes(np.array([[0.0, height / 2], [width, height / 2]]))[:, 0]
+    ends = camera.slopes(camera.shown(np.array([[0.0, height / 2], [width, height / 2]])))[:, 0]
     angle = np.degrees(np.subtract(*np.arctan(ends[::-1])))
     size = f"{width} pixels" if width == height else f"{width} × {height} pixels"
     return f"{size}, {angle:.0f}°" + ", bent by its lens" * camera.is_bent

@@ -20,7 +20,7 @@ def make_map_figure(recording: Recording, k: int, holds: Indices) -> Figure:
     scenario = recording.setting
     width, height = measure_map(scenario)
     size = (_MAP, round(_MAP / (width / height)))
-    view = MapView(scenario, recording.forest, size)
+    view = MapView(scenario, recording.forest, size, recording.believed_forest)
     edges = np.array([(0, 0), size]) - 0.5  # edges of the first and the last pixel, whose centres are integers
     (left, top), (right, bottom) = (edges - np.array(size) / 2) / view.scale
     image, _ = view.draw(make_scene(recording, k, holds))

@@ -3,9 +3,11 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers.studies import Serial, sql
 
+import understory
 from sim.mission.archive import load_recording
 from sim.study.store import Store, StoreError, read_rows
 
@@ -235,3 +237,78 @@ def test_a_study_with_a_score_flies_its_ends_and_shows_scores(compare, tmp_path)
 def test_a_score_that_the_trials_will_not_have_is_refused_before_they_fly(refused, tmp_path, study, words):
     (tmp_path / "mine.toml").write_text(study)
     assert words in refused("compare", "mine.toml", *FLAGS[:2])
+
+
+def test_what_a_flag_varies_is_answered_by_level_and_from_python(compare, tmp_path):
+    share = "ospa.share_under_1m"
+    options = [
+        "--planner",
+        "hover",
+        "--vary",
+        "fleet.size=1-2",
+        "--vary",
+        "uavs.*.altitude=80,30",
+        "--seeds",
+        "0-15",
+        *FLAGS,
+    ]
+    code, out, err = compare(*options, "--at-least", f"{share}=0.3", executor=Serial(INVENTED))
+    assert (code, err) == (0, "")
+    rows = read_rows(tmp_path / "runs" / "compare")
+    assert len(rows) == 2 * 2 * 16 and rows[0].settings["fleet.size"] == "1"
+    text = " ".join(out.split())
+    assert text.index("[%] over fleet.size") < text.index("[%] over uavs.*.altitude")
+    chosen = (
+        "hover: fleet.size = 1, uavs.*.altitude = 80 was the cheapest of 4 with a mean of at least 30 % on seeds 0-7"
+    )
+    assert f"- {chosen}" in text and "on seeds 8-15, which had no part in the choice, it has" in text
+    means = [np.mean([r.metrics[share] for r in rows if r.seed // 8 == half]) for half in (0, 1)]  # equal at all levels
+    assert f"({'scans with OSPA under 1 m'} {100 * means[0]:.1f} %" in text and f"it has {100 * means[1]:.1f} %" in text
+    page = (tmp_path / "runs" / "compare" / "report.html").read_text()
+    assert chosen in page and "nothing to compare" not in page
+    assert "being equal on every map" in page and "over uavs.*.altitude [%]" not in page
+    frame = understory.compare_levels(tmp_path / "runs" / "compare", share, threshold=0.3)
+    assert list(frame["factor"]) == ["fleet.size"] * 4 + ["uavs.*.altitude"] * 4
+    assert list(frame["factor.uavs.*.altitude"]) == ["30"] * 2 + ["80"] * 2 + ["30", "80"] * 2
+    own = [r.metrics[share] for r in rows if r.factors == (("fleet.size", "1"), ("uavs.*.altitude", "30"))]
+    assert frame["mean"][0] == pytest.approx(np.mean(own)) and frame["met"][0] == np.sum(np.array(own) >= 0.3)
+    assert frame["minus_before"].isna().tolist() == [True, False] * 4 and set(frame["minus_best"].dropna()) == {0.0}
+    assert 0.5 < frame["sure"][0] < 1
+
+
+def test_tuning_ends_in_a_verdict_on_fresh_maps(compare, tmp_path):
+    options = [
+        "--planner",
+        "sma-nbo",
+        "--vary",
+        "planner.horizon=3,1",
+        "--seeds",
+        "0-3",
+        "--metric",
+        "ospa.mean_m",
+        *FLAGS,
+    ]
+    code, out, _ = compare(*options, executor=Serial(INVENTED))
+    text = " ".join(out.split())
+    assert code == 0 and "sma-nbo: planner.horizon = 3 was the best of 2 on seeds 0-1 (OSPA mean " in text
+    assert "on seeds 2-3, which had no part in the choice, it has " in text
+    assert "planner.horizon = 3 and planner.horizon = 1 cannot be told apart, being equal on every map" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--at-least", "share_held"], "--at-least: 'share_held' is not of the form metric=value"),
+        (["--at-least", "share_held=90%"], "--at-least: 'share_held=90%' is not of the form metric=value"),
+        (["--at-least", "share_held=90"], "--at-least: share_held=90 is not allowed; expected 0 to 1"),
+        (["--at-least", "share_hold=0.9"], "did you mean share_held"),
+        (["--at-least", "gospa.mean_m=2"], "--at-least: of gospa.mean_m, lower is better; use --at-most"),
+        (["--at-most", "share_held=0.5"], "--at-most: of share_held, higher is better; use --at-least"),
+        (["--at-most", "gospa.mean_m=2", "--at-least", "share_held=0.9"], "--at-most: not allowed together with"),
+        (["--vary", "fleet.size"], "--vary: 'fleet.size' is not of the form"),
+        (["--vary", "fleet.size=1", "--set", "fleet.size=2"], "--set: fleet.size is what --vary fleet.size varies"),
+    ],
+)
+def test_a_wrong_flag_of_levels_is_refused_in_one_line(compare, options, message):
+    code, out, err = compare(*options)
+    assert (code, out) == (2, "") and message in err and err.count("\n") == 1

@@ -25,6 +25,7 @@ from sim.world.recorded_people import read_trajectories
 from tracking.errors import InputError
 
 SECONDS = {"time_field": "time", "timestamp": True}
+PLAIN = [name for name in EXPORTS if name != "geojson"]  # those of recordings that are nowhere on the map
 START = datetime.datetime(1970, 1, 1)
 
 
@@ -36,7 +37,7 @@ def recording():
 @pytest.fixture(scope="module")
 def folders(recording, tmp_path_factory):
     out = tmp_path_factory.mktemp("export")
-    for target in EXPORTS:
+    for target in PLAIN:
         export(recording, target, out / target)
     return out
 
@@ -67,7 +68,7 @@ def test_the_truth_can_be_flown_again_also_without_people(recording, folders, tm
         np.testing.assert_allclose(again.at(time)[0], recording.people[k], rtol=0, atol=1e-12)
     truth = [row[2:] for row in rows(folders / "csv" / "truth.csv")]
     np.testing.assert_array_equal(truth, recording.people[~np.isnan(recording.people[..., 0])])
-    for target in EXPORTS:
+    for target in PLAIN:
         export(record(people=0), target, tmp_path / target)
     assert (tmp_path / "csv" / "truth.csv").read_text() == "time_s,id,x_m,y_m\n"
     assert (tmp_path / "mot" / "uav0" / "det" / "det.txt").read_text() == ""
@@ -78,7 +79,7 @@ def test_without_a_frame_or_after_a_breakdown_there_is_no_row(tmp_path):
     first, second, third = setting.uavs
     setting = structs.replace(setting, uavs=(first, structs.replace(second, rate=1), third))
     recording = broken(record(21, setting=setting), 2, 7)
-    for target in EXPORTS:
+    for target in PLAIN:
         export(recording, target, tmp_path / target)
     held = {i: [row[0] for row in rows(tmp_path / "csv" / "detections.csv") if row[1] == i] for i in range(3)}
     assert sorted(set(held[0])) == recording.times.tolist()
@@ -91,7 +92,7 @@ def test_without_a_frame_or_after_a_breakdown_there_is_no_row(tmp_path):
 def test_only_reported_tracks_go_to_mot_and_all_to_the_others(recording, tmp_path):
     existence = np.where(np.arange(len(recording.track_ids)) % 3 > 0, np.nan, 0.5)
     doubted = dataclasses.replace(recording, track_existence=existence)
-    for target in EXPORTS:
+    for target in PLAIN:
         export(doubted, target, tmp_path / target)
     found = [row for i in range(3) for row in rows(tmp_path / "mot" / "tracks" / f"uav{i}.txt")]
     told = doubted.track_means[~np.isfinite(existence), :2]

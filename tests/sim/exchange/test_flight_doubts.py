@@ -278,3 +278,13 @@ def test_a_star_is_a_key_of_all_uavs_of_a_flight(told):
     seen = ["time_s,uav,x_m,y_m", *(f"{t},{i},," for t in (0, 1) for i in range(5))]
     found = told("time_s,uav,x_m,y_m,z_m", rows, ["uavs.*.navigation=gnss"], cameras=cameras, detections=seen)
     assert [uav.navigation for uav in found.setting.uavs] == ["gnss"] * 5
+
+
+@pytest.mark.parametrize(("unit", "doubted"), [(1.0, False), (1 / 0.3048, True)])
+def test_heights_in_feet_do_not_fit_to_places_and_pixels(told, unit, doubted):
+    slope = 1 / (20 - 0.85)  # of the line of sight to somebody's middle 1 m beside the place below
+    focal = 64 / math.tan(math.radians(30))
+    rows = [f"{t:.1f},{x},{y},{64 + focal * slope * x},{64 - focal * slope * y}" for t, x, y in ((0, 3, 4), (1, -5, 2))]
+    poses = [[0, 0, 0, 20 * unit], [5, 0, 0, 20 * unit]]
+    remarks = told(PLAIN, poses, detections=["time_s,x_m,y_m,u_px,v_px", *rows]).remarks
+    assert any("are heights in feet?" in remark for remark in remarks) == doubted

@@ -18,6 +18,7 @@ from sim.scenario.uavs import Uav
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.distortion import Distortion
 from tracking.geometry.visibility import Forest
 
 runs = pytest.importorskip("pycocotools.mask")
@@ -158,8 +159,16 @@ def test_the_whole_of_a_person_below_another_uav_is_what_it_shows_without_it():
         assert shown < whole and whole > 5
 
 
-def test_labels_of_a_lens_that_bends_agree_with_opencv(flights, tmp_path, monkeypatch):
-    camera = Camera.calibrated(160, 120, (130.0, 128.0), (82.0, 58.0), (-0.3, 0.08, 0.001, -0.002, 0.0))
+@pytest.mark.parametrize(
+    "lens",
+    [
+        Distortion.of("plumb_bob", (-0.3, 0.08, 0.001, -0.002, 0.0)),
+        Distortion.of("rational_polynomial", (0.4, -0.3, 0.001, -0.002, 0.1, 0.6, -0.2, 0.05)),
+        Distortion.of("equidistant", (0.05, -0.02, 0.01, 0.0)),
+    ],
+)
+def test_labels_of_a_lens_that_bends_agree_with_opencv(flights, tmp_path, monkeypatch, lens):
+    camera = Camera.calibrated(160, 120, (130.0, 128.0), (82.0, 58.0), lens)
     monkeypatch.setattr(Uav, "true_camera", camera)
     write_labelled_images(flights[0][:1], "coco", tmp_path / "coco", splits={}, every=0.4)
     coco, checked = load(tmp_path / "coco" / "annotations" / "instances_train.json"), 0
@@ -173,8 +182,9 @@ def test_labels_of_a_lens_that_bends_agree_with_opencv(flights, tmp_path, monkey
         K = np.array([[lens["fx"], 0, lens["cx"] - 0.5], [0, lens["fy"], lens["cy"] - 0.5], [0, 0, 1]])
         position, quaternion = (np.array(part) for part in image["pose"].values())
         body = Pose(position, quaternion).rotation.T @ (np.array([*annotation["place_m"], 0.85]) - position)
-        (((u, v),),), _ = cv2.projectPoints(
-            body * (1, -1, -1), np.zeros(3), np.zeros(3), K, np.array(lens["distortion"])
+        project = cv2.fisheye.projectPoints if lens.get("distortion_model") == "equidistant" else cv2.projectPoints
+        (((u, v),),), _ = project(
+            (body * (1, -1, -1))[None, None], np.zeros(3), np.zeros(3), K, np.array(lens["distortion"])
         )
         assert left - 1 <= u + 0.5 <= left + width + 1 and top - 1 <= v + 0.5 <= top + height + 1
         checked += 1

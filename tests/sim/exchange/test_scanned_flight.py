@@ -152,6 +152,9 @@ CAMERAS = {
     ),
     "upright": ("fov_deg,pixels,width_px,height_px", "40,1080,1080,1920", 1080, 1920, "span 40.0 × 65.8 deg"),
     "the width": ("hfov_deg,width_px,height_px", "65.8,1920,1080", 1920, 1080, ""),
+    "the height": ("vfov_deg,width_px,height_px", "39.99,1920,1080", 1920, 1080, ""),
+    "the diagonal": ("dfov_deg,width_px,height_px", "73.17,1920,1080", 1920, 1080, ""),
+    "a sensor": ("focal_mm,sensor_width_mm,width_px,height_px", "8.5016,11,1920,1080", 1920, 1080, ""),
     "square": ("fov_deg,pixels,width_px,height_px", "40,1080,,", 1080, 1080, ""),
 }
 
@@ -251,9 +254,9 @@ REFUSED = {
         **STILL,
         "cameras": ["hfov_deg,pixels,width_px,height_px", "65,4000,1920,1080"],
     },
-    "scale: 1 gives images of 6000 pixels": {
+    "scale: 1 gives images of 12000 pixels": {
         **STILL,
-        "cameras": ["fov_deg,pixels,width_px,height_px", "60,4000,6000,4000"],
+        "cameras": ["fov_deg,pixels,width_px,height_px", "60,4000,12000,4000"],
     },
     "hfov_deg: fov_deg is given as well; allowed is one of them": {
         **STILL,

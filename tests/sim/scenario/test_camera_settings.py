@@ -117,14 +117,47 @@ def test_an_angle_of_view_is_that_between_the_ends_of_the_middle_row():
         np.testing.assert_allclose(np.degrees(np.arctan(ends)), [-35.0, 35.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("distortion", [(), (-0.2, 0.05), (-0.1, 0.02, 0.004, -0.006), (0.0, 0.0, 0.0, 0.003)])
+ENDS = {  # of what an angle of view spans, in images of 320 x 240 pixels
+    "hfov_deg": [[0.0, 120.0], [320.0, 120.0]],
+    "vfov_deg": [[160.0, 0.0], [160.0, 240.0]],
+    "dfov_deg": [[0.0, 0.0], [320.0, 240.0]],
+}
+
+
+@pytest.mark.parametrize("key", ENDS)
+@pytest.mark.parametrize(
+    "lens",
+    [
+        *((c, "plumb_bob") for c in ((), (-0.2, 0.05), (-0.1, 0.02, 0.004, -0.006), (0.0, 0.0, 0.0, 0.003))),
+        ((0.4, -0.2, 0.001, 0.0, 0.1, 0.5, -0.1, 0.02), "rational_polynomial"),
+        ((0.02, -0.01), "equidistant"),
+    ],
+)
 @pytest.mark.parametrize("centre", [None, (310.0, 255.0), (200.0, 239.5), (640.0, 239.5)])
 @pytest.mark.parametrize("angle", [12.0, 50.0])
-def test_an_angle_of_view_is_kept_by_lenses_out_of_the_middle_and_askew(distortion, centre, angle):
-    given = CameraSettings(width=640, height=480, hfov_deg=angle, centre=centre, distortion=distortion, scale=0.5)
-    one, other = (np.append(ray, 1.0) for ray in make_camera(given).slopes(np.array([[0.0, 120.0], [320.0, 120.0]])))
+def test_an_angle_of_view_is_kept_by_lenses_out_of_the_middle_and_askew(lens, centre, angle, key):
+    view = {"width": 640, "height": 480, "centre": centre, "scale": 0.5, key: angle}
+    given = CameraSettings(**view, distortion=lens[0], distortion_model=lens[1])
+    one, other = (np.append(ray, 1.0) for ray in make_camera(given).slopes(np.array(ENDS[key])))
     cosine = one @ other / np.linalg.norm(one) / np.linalg.norm(other)
     assert np.degrees(np.arccos(cosine)) == pytest.approx(angle, abs=1e-6)
+
+
+def test_a_focal_length_in_millimetres_is_of_the_width_of_the_sensor():
+    mavic = CameraSettings(5280, 3956, focal_mm=12.29, sensor_width_mm=17.3)
+    camera = make_camera(mavic)
+    assert camera.optics.fx == camera.optics.fy == pytest.approx(12.29 / (17.3 / 5280), rel=1e-12)
+    ends = camera.slopes(np.array([[0.0, 1978.0], [5280.0, 1978.0]]))[:, 0]
+    assert np.ptp(ends) == pytest.approx(17.3 / 12.29, rel=1e-12)
+
+
+def test_a_fleet_may_believe_another_lens(tmp_path):
+    table = {"width": 640, "height": 480, "focal": (500.0, 500.0), "distortion_model": "equidistant"}
+    believed = {"distortion": (), "distortion_model": "plumb_bob"}
+    given = msgspec.convert({**table, "believed": believed}, CameraSettings)
+    assert make_camera(given).is_bent and not make_camera(given, believed=True).is_bent
+    with pytest.raises(ValueError, match="believed: distortion_model: 'plumb_bob' needs its own distortion"):
+        msgspec.convert({**table, "believed": {"distortion_model": "plumb_bob"}}, CameraSettings)
 
 
 def test_a_scaled_camera_sees_the_same_rays():
@@ -180,6 +213,19 @@ def test_files_are_found_beside_the_scenario_and_overrides_here(tmp_path, monkey
             for lens in ("distortion = [-2.5]", "distortion = [0, -6.0]", "distortion = [-2.5], centre = [300, 200]")
         ),
         ("{width = 640, height = 480, hfov_deg = 60, centre = [900, 240]}", "centre: .* spans no hfov_deg of 60"),
+        ("{width = 640, height = 480, vfov_deg = 60, centre = [320, 900]}", "centre: .* spans no vfov_deg of 60"),
+        ("{width = 640, height = 480, hfov_deg = 60, dfov_deg = 75}", "hfov_deg and focal: one of them is needed, "),
+        ("{width = 640, height = 480}", "uavs.0.camera: hfov_deg and focal: .*; or vfov_deg, dfov_deg, or focal_mm wi"),
+        ("{width = 640, height = 480, focal_mm = 8.4}", "focal_mm and sensor_width_mm: both are needed, or neither"),
+        (
+            "{width = 640, height = 480, hfov_deg = 60, distortion = [0.1, 0, 0, 0, 0, 0.1]}",
+            "distortion: .* has more than the 5 coefficients of plumb_bob; rational_polynomial has 8",
+        ),
+        (
+            '{width = 640, height = 480, hfov_deg = 155, distortion_model = "equidistant"}',
+            "hfov_deg: 155 is not allowed; expected at most 151, as equidistant lenses show here",
+        ),
+        ('{width = 64, height = 48, hfov_deg = 60, distortion_model = "fisheye"}', "distortion_model: .*fisheye"),
         (
             "{width = 640, height = 480, hfov_deg = 60, scale = 0.01}",
             "uavs.0.camera: scale: 0.01 gives images of 6 pix",
@@ -196,7 +242,7 @@ def test_a_wrong_camera_is_told_in_one_line(tmp_path, camera, message):
     ("old", "new", "message"),
     [
         ("438.783367", "0.0", "camera_matrix: .* is singular or skew; expected fx, 0, cx, 0, fy, cy, 0, 0, 1"),
-        ("plumb_bob", "equidistant", "distortion_model: 'equidistant' is not allowed; expected plumb_bob"),
+        ("plumb_bob", "omnidirectional", "distortion_model: 'omnidirectional' is not allowed; expected plumb_bob"),
         ("image_width: 640", "image_width: [", "is no YAML: "),
     ],
 )

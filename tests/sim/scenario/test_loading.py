@@ -29,7 +29,7 @@ from tracking.errors import InputError
 REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
 ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
-ELSEWHERE |= {"tracking.confirm", "tracking.delete", "trees.height", "trees.origin", "people.origin"}
+ELSEWHERE |= {"tracking.confirm", "tracking.delete", "trees.height", "trees.origin", "people.origin", "geo.origin"}
 ELSEWHERE |= {f"uavs.0.camera.{of}{name}" for of in ("", "believed.") for name in ("focal", "centre", "distortion")}
 
 

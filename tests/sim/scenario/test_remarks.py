@@ -77,3 +77,15 @@ def test_clutter_in_which_people_are_lost_is_remarked_on(changes, doubted):
 
 def test_the_usual_cameras_show_people():
     assert min(uav.person_pixels for uav in Scenario().uavs) > 5
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (["believed.leaf_area=2"], ["believed.leaf_area: not used, as crowns are opaque; set trees.leaf_area_density"]),
+        (["believed.leaf_area=2", "trees.leaf_area_density=1"], []),
+        (["believed.leaf_area=2", "trees.file=park"], []),
+    ],
+)
+def test_a_believed_density_of_leaves_needs_leaves(changes, told):
+    assert find_remarks(load_scenario("forest", changes)) == told

@@ -4,6 +4,7 @@ import math
 import re
 import shlex
 from collections import Counter
+from itertools import product
 
 import msgspec
 import pytest
@@ -13,7 +14,7 @@ from planning.planner_loading import load_planner
 from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import flatten, format_value
-from sim.study.cells import add_trackers, list_cells
+from sim.study.cells import add_trackers, list_cells, list_choices, list_lone_keys, parse_factor
 from sim.study.definition import STUDIES, Study, adapt_study, read_study
 from sim.study.trials import list_trials
 from tracking.errors import InputError
@@ -281,3 +282,97 @@ def test_the_walk_begins_at_the_papers_setting_and_ends_at_the_default():
         setting, planner = walked(density, trials)["12-default"]
         assert differing(setting, Scenario()) <= {"trees.density"} and setting.trees.density == float(density)
         assert planner == load_planner(DEFAULT_PLANNER)
+
+
+def test_levels_that_are_no_list_are_refused():
+    with pytest.raises(
+        InputError, match=r"vary: fleet.size: 3 is not allowed; expected several levels, such as \[1, 2\]"
+    ):
+        adapt_study(Study(name="x", planners=("hover",)), vary={"fleet.size": 3})
+
+
+def varied(*factors, **changes):
+    return adapt_study(
+        Study(name="x", planners=("hover",), seeds="0"), vary=dict(map(parse_factor, factors)), **changes
+    )
+
+
+def test_settings_options_and_worlds_vary_by_flags():
+    found = list_trials(varied("fleet.size=1-2", "uavs.*.altitude=30,40", "scenario=forest,dense"))
+    flown = [(dict(t.factors), len(t.setting.uavs), {round(uav.altitude) for uav in t.setting.uavs}) for t in found]
+    assert len(found) == 8 and [t.scenario for t in found] == ["forest"] * 4 + ["dense"] * 4
+    for factors, size, altitudes in flown:
+        assert (str(size), {factors["uavs.*.altitude"]}) == (factors["fleet.size"], set(map(str, altitudes)))
+    options = adapt_study(
+        Study(name="x", planners=("sma-nbo", "mcr(samples=9)"), seeds="0"),
+        vary=dict([parse_factor("planner.horizon=1,3"), parse_factor("network.links=[],[[0, 1]]")]),
+    )
+    found = list_trials(options)
+    assert [t.planner for t in found[::2]] == ["sma-nbo(horizon=1)"] * 2 + ["sma-nbo(horizon=3)"] * 2
+    assert [t.setting.network.links for t in found[:4:2]] == [(), ((0, 1),)]
+    packaged = adapt_study(read_study("faults"), seeds="0", vary={"fleet.size": [2, 3]})
+    with pytest.raises(InputError, match="names UAV 2; allowed are 0 to 1"):
+        list_trials(packaged)
+
+
+@pytest.mark.parametrize(
+    ("factors", "changes", "message"),
+    [
+        (["fleet.size"], {}, "--vary: 'fleet.size' is not of the form key=level,level"),
+        (["=1,2"], {}, "is not of the form key=level,level"),
+        (["fleet.size="], {}, "is not of the form key=level,level"),
+        (["fleet.size=3-1"], {}, "--vary: '3-1' is not allowed"),
+        (["planner=hover,greedy"], {}, "--vary: planner is no setting; name each with --planner"),
+        (["network.loss=0,2"], {}, "network.loss: 2 is not allowed"),
+        (["network.los=0,1"], {}, "network.los: unknown key; .* did you mean loss"),
+        (["planner.horizn=1"], {}, "horizn"),
+        (["scenario=forest,dence"], {}, "did you mean dense"),
+        (
+            ["network.loss=0,1"],
+            {"overrides": ["network.loss=0.5"]},
+            "--set: network.loss is what --vary network.loss varies",
+        ),
+        (
+            ["uavs.0.altitude=20,30", "uavs.*.altitude=20,30"],
+            {},
+            r"uavs.\*.altitude is what factor 'uavs.0.altitude' sets",
+        ),
+        (["fleet.size=3,3.0"], {}, "fleet.size: 3.0 is not allowed|the same trials"),
+    ],
+)
+def test_wrong_flags_of_factors_are_one_line(factors, changes, message):
+    with pytest.raises(InputError, match=message) as raised:
+        list_trials(varied(*factors, **changes))
+    assert "\n" not in str(raised.value)
+
+
+SIZE = "1.uavs = [{start = [-28, -14]}]\n2.uavs = [{start = [-28, -14]}, {start = [-28, 0]}]\n"
+ALTITUDE = '15."uavs.*.altitude" = 15\n30."uavs.*.altitude" = 30\n'
+
+
+@pytest.mark.parametrize("first", ["size", "altitude"])
+def test_a_fleet_and_a_key_of_its_uavs_are_two_factors_in_either_order(written, first):
+    tables = {"size": f"[factors.size]\n{SIZE}", "altitude": f"[factors.altitude]\n{ALTITUDE}"}
+    order = [tables[first], *(table for name, table in tables.items() if name != first)]
+    found = list_trials(read_study(written('[study]\nplanners = ["hover"]\nseeds = "0"\n' + "".join(order))))
+    assert {(dict(t.factors)["size"], dict(t.factors)["altitude"]) for t in found} == {*product("12", ("15", "30"))}
+    for task in found:
+        assert [str(round(uav.altitude)) for uav in task.setting.uavs] == [dict(task.factors)["altitude"]] * len(
+            task.setting.uavs
+        )
+        assert str(len(task.setting.uavs)) == dict(task.factors)["size"]
+        assert load_scenario(task.scenario, [f"{k}={v}" for k, v in task.settings.items()]) == task.setting
+
+
+def test_a_factor_of_uav_0_alone_is_told_and_what_is_chosen_is_told_from_what_is_met():
+    alone = varied("uavs.0.altitude=20,30")
+    assert list_lone_keys(alone) == [
+        "factors.uavs.0.altitude: uavs.0.altitude is of UAV 0 alone; uavs.*.altitude is of all UAVs"
+    ]
+    assert list_lone_keys(varied("uavs.*.altitude=20,30")) == list_lone_keys(read_study("flights")) == []
+    given = varied("network.loss=0,1", "trees.density=15,75", "uavs.*.navigation=rtk,gnss")
+    assert list_choices(given) == []
+    chosen = varied("planner.horizon=1,3", "uavs.*.altitude=20,30", "fleet.size=1-2", "network.fusion=kla,hcmci")
+    assert list_choices(chosen) == list(chosen.factors)
+    many = read_study("how-many")
+    assert list_choices(many) == list(many.factors) == ["fleet", "altitude"] and len(list_cells(many)) == 24

@@ -10,6 +10,7 @@ import pytest
 from sim.mission.recording import FIELDS
 from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.environment import Trees
+from sim.scenario.geo import Geo
 from sim.scenario.loading import load_scenario
 from sim.scenario.remarks import find_remarks
 from sim.world.stem_map import describe_stem_map, read_stem_map
@@ -233,7 +234,7 @@ def test_comments_and_names_of_rows_are_read_over(stems, text):
 
 def test_a_stem_map_without_trees_is_refused(stems):
     scenario = load_scenario("forest", [f"trees.file={stems('x,y,dbh')}"])
-    for use in (lambda: make_forest_and_people(scenario, 0), lambda: describe_stem_map(scenario.trees)):
+    for use in (lambda: make_forest_and_people(scenario, 0), lambda: describe_stem_map(scenario.trees, scenario.geo)):
         with pytest.raises(InputError, match=r"has no rows below the names of its columns; trees.density = 0"):
             use()
 
@@ -267,7 +268,7 @@ def test_remarks_name_keys_without_effect(stems):
 
 def test_packaged_stands_are_read_without_remarks():
     for name, stems in {"park": 60, "plantation": 1575}.items():
-        assert describe_stem_map(Trees(file=name)) == ("", [])
+        assert describe_stem_map(Trees(file=name), Geo()) == ("", [])
         assert len(make_forest_and_people(load_scenario(name), 0)[0].trees) == stems
 
 

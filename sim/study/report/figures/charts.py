@@ -14,16 +14,23 @@ from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
 from sim.facts.metrics.metric import Metric
+from sim.scenario.quantities import parse_number
 from sim.study.analysis.answers import Answer
-from sim.study.analysis.labels import cell_text
+from sim.study.analysis.groups import Group
+from sim.study.analysis.labels import SYMBOLS, cell_text
+from sim.study.analysis.levels import LevelAnswer, Threshold
 from sim.study.cells import Levels
-from sim.study.report.figures.panels import COLOURS, COLUMNS, Curve, FigureLayout, Style
+from sim.study.report.figures.panels import COLOURS, COLUMNS, Curve, FigureLayout, Style, T
 from sim.views.drawing.plots import open_figure, order_by_rows, rgb
 from sim.views.palette import FAINT
 from tracking.numerics.arrays import Array
 
 _WIDTH = 11.0  # inches, width of a figure as wide as the report
 _LETTERS = 10  # points
+COLUMN = 85 / 25.4  # inches, width of a column of a paper
+_COLUMN_LETTERS = 8  # points
+_COLUMNS = {False: COLUMNS, True: 2}  # largest number of panels side by side, in a report and in a column
+_TALLEST = 20  # letters in a line of upright text
 LOOK: Any = {"font.family": "DejaVu Sans", "font.size": _LETTERS, "svg.fonttype": "path", "svg.hashsalt": "understory"}
 AT = np.geomspace(0.1, 50.0, 300)  # m, values at which distributions are drawn
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
@@ -37,11 +44,11 @@ class _Folder(textwrap.TextWrapper):
     wordsep_simple_re = re.compile(r"(\s+|(?<=[:.(])(?=[A-Za-z]))")
 
 
-def draw_ecdf_figure(layout: FigureLayout) -> Figure:
+def draw_ecdf_figure(layout: FigureLayout[Group]) -> Figure:
     """Share of scans, pooled over maps, with an OSPA of at most x, over a logarithmic axis, as in [Li22]."""
 
-    def draw(axes: Axes, curve: Curve) -> None:
-        axes.plot(AT, 100 * compute_ecdf(curve.group.pool_ospa(), AT), **_style_line(curve.style))
+    def draw(axes: Axes, curve: Curve[Group]) -> None:
+        axes.plot(AT, 100 * compute_ecdf(curve.shown.pool_ospa(), AT), **_style_line(curve.style))
 
     def dress(axes: Axes) -> None:
         axes.set_xscale("log")
@@ -54,13 +61,13 @@ def draw_ecdf_figure(layout: FigureLayout) -> Figure:
     return _draw_grid(layout, draw, dress, ("OSPA [m], logarithmic", "share of scans [%]"))
 
 
-def draw_time_figure(layout: FigureLayout) -> Figure:
+def draw_time_figure(layout: FigureLayout[Group]) -> Figure:
     """Median OSPA of the trials at each scan; quartiles are shaded if a panel has few curves."""
     few = all(len(curves) <= _FEW for curves in layout.panels.values())
-    ends = [times[-1] for group in layout.groups if len(times := group.curves().times)]
+    ends = [times[-1] for group in layout.shown if len(times := group.curves().times)]
 
-    def draw(axes: Axes, curve: Curve) -> None:
-        times, errors = curve.group.curves()
+    def draw(axes: Axes, curve: Curve[Group]) -> None:
+        times, errors = curve.shown.curves()
         low, median, high = find_quartiles(errors)
         if few:
             axes.fill_between(times, low, high, color=rgb(curve.style.colour), alpha=0.16, lw=0)
@@ -79,13 +86,70 @@ def draw_time_figure(layout: FigureLayout) -> Figure:
     return _draw_grid(layout, draw, dress, ("time [s]", "OSPA [m], logarithmic above 1"))
 
 
-def _draw_grid(
-    layout: FigureLayout, draw: Callable[[Axes, Curve], None], dress: Callable[[Axes], None], labels: tuple[str, str]
+def draw_levels_figure(
+    layout: FigureLayout[list[LevelAnswer]], metric: Metric, threshold: Threshold | None, *, column: bool = False
 ) -> Figure:
-    rows = -(-len(layout.panels) // layout.columns)
-    width = _WIDTH if layout.columns > 1 else 0.6 * _WIDTH
-    with _open_drawing(0.8 + 2.15 * rows, width=width) as figure:
-        every = figure.subplots(rows, layout.columns, sharex=True, sharey=True, squeeze=False).ravel()
+    """Means with intervals over the levels of one factor, true to scale if they are numbers; a line at the threshold.
+
+    column: True for a figure as wide as a column of a paper.
+    """
+    answers = [answer for line in layout.shown for answer in line]
+    levels = list(dict.fromkeys(answer.level for answer in answers))
+    numbers = np.array([parse_number(level) for level in levels])
+    logarithmic = bool(np.all(numbers > 0) and max(numbers) > 30 * min(numbers))
+    named = bool(np.isnan(numbers).any())
+    places = dict(zip(levels, range(len(levels)) if named else numbers.tolist(), strict=True))
+    planners = list(layout.legend)
+    room = int((30 if column else 100) / min(_COLUMNS[column], layout.columns) / len(levels))  # letters of a level
+    upright = named and max(map(len, levels)) > room
+    names = [_Folder(_TALLEST, break_on_hyphens=False).fill(level) if upright else level for level in levels]
+    reach = 0.0 if logarithmic else 0.012 * (max(places.values()) - min(places.values()))
+
+    def draw(axes: Axes, curve: Curve[list[LevelAnswer]]) -> None:
+        moved = reach * (planners.index(curve.label) - (len(planners) - 1) / 2)  # so that intervals stand side by side
+        means = [answer.found.mean for answer in curve.shown]
+        ends = metric.scale * np.array([[mean.value, mean.low, mean.high] for mean in means]).T
+        axes.errorbar(
+            [places[answer.level] + moved for answer in curve.shown],
+            ends[0],
+            yerr=np.abs(ends[1:] - ends[0]),
+            **{**_style_line(curve.style), **({"ls": ""} if named else {})},
+            marker=_SHAPES[planners.index(curve.label) % len(_SHAPES)],
+            markersize=4,
+            elinewidth=1.0,
+            capsize=2,
+        )
+
+    def dress(axes: Axes) -> None:
+        if logarithmic:
+            axes.set_xscale("log")
+        axes.set_xticks(list(places.values()), names, rotation=90 if upright else 0)
+        axes.set_xticks([], minor=True)
+        if threshold:
+            axes.axhline(threshold.value * metric.scale, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+
+    name = SYMBOLS.get(answers[0].factor, answers[0].factor)
+    below = min(_TALLEST, max(map(len, levels))) if upright else 0
+    return _draw_grid(layout, draw, dress, (name, metric.title), column=column, below=below)
+
+
+def _draw_grid(
+    layout: FigureLayout[T],
+    draw: Callable[[Axes, Curve[T]], None],
+    dress: Callable[[Axes], None],
+    labels: tuple[str, str],
+    *,
+    column: bool = False,
+    below: int = 0,
+) -> Figure:
+    """Panels with what `draw` and `dress` draw; below: letters of the upright names of levels, which need room."""
+    columns = min(_COLUMNS[column], layout.columns)
+    rows = -(-len(layout.panels) // columns)
+    width = COLUMN if column else _WIDTH if columns > 1 else 0.6 * _WIDTH
+    letters = _COLUMN_LETTERS if column else _LETTERS
+    height = (0.4 + 1.6 * rows if column else 0.8 + 2.15 * rows) + 0.01 * letters * below * rows
+    with _open_drawing(height, width, letters) as figure:
+        every = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, (title, curves) in zip(every, layout.panels.items(), strict=False):
             for curve in curves:
                 draw(axes, curve)
@@ -96,10 +160,10 @@ def _draw_grid(
             dress(axes)
         for axes in every[len(layout.panels) :]:
             axes.set_visible(False)
-        for axes in every[max(0, len(layout.panels) - layout.columns) : len(layout.panels)]:
+        for axes in every[max(0, len(layout.panels) - columns) : len(layout.panels)]:
             axes.tick_params(labelbottom=True)
             axes.set_xlabel(labels[0])  # a label of the whole figure would overlap the legend
-        figure.supylabel(labels[1], fontsize=10)
+        figure.supylabel(labels[1], fontsize="medium")
         _draw_legend(figure, {name: _style_line(style) for name, style in layout.legend.items()})
     return figure
 
@@ -155,8 +219,8 @@ def draw_scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metr
             axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
             _set_title(axes, other)
             axes.grid(lw=0.5, alpha=0.4)
-        figure.supxlabel(f"{baseline}: {metric.title}{', logarithmic' * log}", fontsize=10)
-        figure.supylabel(f"planner: {metric.title}", fontsize=10)
+        figure.supxlabel(f"{baseline}: {metric.title}{', logarithmic' * log}", fontsize="medium")
+        figure.supylabel(f"planner: {metric.title}", fontsize="medium")
     return figure
 
 
@@ -170,25 +234,26 @@ def _find_limits(values: Array) -> tuple[float, float, bool]:
 
 
 @contextmanager
-def _open_drawing(height: float, width: float = _WIDTH) -> Iterator[Figure]:
-    """A figure of so many inches, to be drawn in the common style."""
-    with open_figure(width, height, letters=_LETTERS) as figure:
+def _open_drawing(height: float, width: float = _WIDTH, letters: int = _LETTERS) -> Iterator[Figure]:
+    """A figure of so many inches, with letters in points, to be drawn in the common style."""
+    with open_figure(width, height, letters=letters) as figure:
         yield figure
         for text in figure.texts:
             _fold(text, 1.0)
         titles = [axes.get_title(loc="left").count("\n") for axes in figure.axes]
         rows = figure.axes[0].get_gridspec().nrows  # type: ignore[union-attr]
         lines = rows * max(titles) + sum(text.get_text().count("\n") for text in figure.texts)
-        figure.set_figheight(figure.get_figheight() + 0.17 * lines)
-        for _ in range(2):  # panels of equal axes find their places only then
+        figure.set_figheight(figure.get_figheight() + 0.017 * letters * lines)
+        equal = any(axes.get_aspect() != "auto" for axes in figure.axes)
+        for _ in range(1 + equal):  # panels of equal axes find their places only the second time
             figure.draw_without_rendering()  # lays the figure out once for all its files
-        figure.set_layout_engine("none")
+        figure.set_layout_engine(None)
 
 
 def _set_title(axes: Axes, text: str) -> None:
     """Give a panel a title, in as many lines as its width needs."""
     columns = axes.get_gridspec().ncols  # type: ignore[union-attr]
-    _fold(axes.set_title(text, fontsize=10, loc="left", fontweight="bold"), 0.84 / columns)
+    _fold(axes.set_title(text, fontsize="medium", loc="left", fontweight="bold"), 0.84 / columns)
 
 
 def _draw_legend(figure: Figure, looks: Mapping[str, dict[str, Any]]) -> None:
@@ -240,5 +305,6 @@ def find_quartiles(curves: Array) -> Array:
     """Lower quartile, median and upper quartile (3, T) of curves (n, T) at each scan; NaN is left out."""
     found = np.full((3, curves.shape[1]), np.nan)
     held = ~np.isnan(curves).all(axis=0)
-    found[:, held] = np.nanquantile(curves[:, held], [0.25, 0.5, 0.75], axis=0)
+    quantile = np.nanquantile if np.isnan(curves[:, held]).any() else np.quantile  # which is much faster
+    found[:, held] = quantile(curves[:, held], [0.25, 0.5, 0.75], axis=0)
     return found

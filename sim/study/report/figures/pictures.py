@@ -3,7 +3,7 @@
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, count
+from itertools import chain, count, groupby
 
 import matplotlib
 import numpy as np
@@ -12,18 +12,20 @@ from matplotlib.figure import Figure
 from sim.facts.metrics.metric import UNKNOWN, Metric
 from sim.study.analysis.answers import Answer, map_points
 from sim.study.analysis.groups import Group
-from sim.study.analysis.labels import append_cell, make_slug
+from sim.study.analysis.labels import SYMBOLS, append_cell, make_slug
+from sim.study.analysis.levels import LevelAnswer, Threshold
 from sim.study.analysis.normalised_score import SCORE, Ends
 from sim.study.report.figures.charts import (
     LOOK,
     compute_share_under,
     draw_ecdf_figure,
+    draw_levels_figure,
     draw_scatter_figure,
     draw_score_figure,
     draw_time_figure,
     find_quartiles,
 )
-from sim.study.report.figures.panels import FigureLayout, lay_out_figures
+from sim.study.report.figures.panels import FigureLayout, lay_out_figures, lay_out_levels
 from tracking.numerics.arrays import Array
 
 
@@ -37,6 +39,7 @@ class Picture:
     alt: str
     svg: bytes
     png: bytes
+    pdf: bytes = b""  # as wide as a column of a paper; empty if there is none
 
 
 def draw_pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) -> list[Picture]:
@@ -48,6 +51,27 @@ def draw_pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metr
     compared = [(metric, map_points(flown, baseline, metric)) for metric in metrics]
     drawn = [(metric, points) for metric, points in compared if any(map(len, points.values()))]
     return _rename_equal_ones(found + [_draw_scatter(points, baseline, metric) for metric, points in drawn[:2]])
+
+
+def draw_response_pictures(found: Sequence[LevelAnswer], metric: Metric, threshold: Threshold | None) -> list[Picture]:
+    """Pictures of a metric over each factor, with a panel for each combination of the other factors' levels."""
+    drawn = []
+    for factor, answers in groupby(found, lambda answer: answer.factor):
+        for layout in lay_out_levels(list(answers)):
+            name = SYMBOLS.get(factor, factor)
+            means = [
+                f"{append_cell(a.planner, (*a.others, (factor, a.level)))} {metric.with_unit(a.found.mean.value)}"
+                for line in layout.shown
+                for a in line
+            ]
+            caption = "Mean over the maps; bars are its 95 % interval."
+            caption += f" The dashed line is {threshold.text(metric)}." if threshold else ""
+            figure = draw_levels_figure(layout, metric, threshold)
+            title = f"{metric.label[0].upper()}{metric.label[1:]} over {name}"
+            picture = _make_picture(f"levels-{make_slug(factor)}", title, caption, "; ".join(means), figure)
+            narrow = draw_levels_figure(layout, metric, threshold, column=True)
+            drawn.append(replace(picture, pdf=encode_figure(narrow, "pdf")))
+    return _rename_equal_ones(drawn)
 
 
 def _rename_equal_ones(found: Sequence[Picture]) -> list[Picture]:
@@ -67,8 +91,8 @@ def draw_score_picture(found: Sequence[Answer], ends: Ends) -> Picture:
     return _make_picture("score", "Normalised score", caption, "; ".join(lines), draw_score_figure(found))
 
 
-def _draw_ecdf(layout: FigureLayout) -> Picture:
-    shares = [(group.title, compute_share_under(group.pool_ospa(), 1.0)) for group in layout.groups]
+def _draw_ecdf(layout: FigureLayout[Group]) -> Picture:
+    shares = [(group.title, compute_share_under(group.pool_ospa(), 1.0)) for group in layout.shown]
     texts = [f"{title} {UNKNOWN if np.isnan(share) else f'{share:.1%}'}" for title, share in shares]
     alt = "Share of scans with an OSPA under 1 m: " + "; ".join(texts)
     caption = (
@@ -78,9 +102,9 @@ def _draw_ecdf(layout: FigureLayout) -> Picture:
     return _make_picture("ecdf", "Distribution of OSPA", caption, alt, draw_ecdf_figure(layout), layout.title)
 
 
-def _draw_over_time(layout: FigureLayout) -> Picture:
+def _draw_over_time(layout: FigureLayout[Group]) -> Picture:
     ends = []
-    for group in layout.groups:
+    for group in layout.shown:
         medians = find_quartiles(group.curves().ospa)[1]
         last = medians[~np.isnan(medians)][-1:]
         ends.append(f"{group.title} {last[0]:.2f} m" if len(last) else f"{group.title} {UNKNOWN}")
@@ -110,8 +134,9 @@ def _make_picture(name: str, title: str, caption: str, alt: str, figure: Figure,
 
 
 def encode_figure(figure: Figure, kind: str) -> bytes:
-    """The content of a figure's file, "png" or "svg"; equal figures give equal bytes."""
+    """The content of a figure's file, "png", "svg" or "pdf"; equal figures give equal bytes."""
     drawn = io.BytesIO()
+    varying = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}[kind]
     with matplotlib.rc_context(LOOK):
-        figure.savefig(drawn, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else {"Software": None})
+        figure.savefig(drawn, format=kind, dpi=130, metadata={varying: None})
     return drawn.getvalue()

@@ -8,20 +8,23 @@ from helpers.trials import row, study
 from matplotlib.text import Text
 
 from sim.study.analysis.answers import Answer, map_points
-from sim.study.analysis.groups import drop_constant_factors, group_rows
-from sim.study.analysis.intervals import Estimate
+from sim.study.analysis.groups import drop_constant_factors, find_varying_factors, group_rows
+from sim.study.analysis.intervals import Estimate, estimate_means
+from sim.study.analysis.levels import Threshold, find_levels
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import SCORE
 from sim.study.report.figures.charts import (
     AT,
+    COLUMN,
     draw_ecdf_figure,
+    draw_levels_figure,
     draw_scatter_figure,
     draw_score_figure,
     draw_time_figure,
     find_quartiles,
 )
-from sim.study.report.figures.panels import lay_out_figures
-from sim.study.report.figures.pictures import draw_pictures, encode_figure
+from sim.study.report.figures.panels import lay_out_figures, lay_out_levels
+from sim.study.report.figures.pictures import draw_pictures, draw_response_pictures, encode_figure
 
 
 def groups(rows=None, baseline="sma-nbo"):
@@ -40,14 +43,14 @@ def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["λ = 15", "λ = 75"]
     for axes, curves in zip(figure.axes, layout.panels.values(), strict=True):
         for line, curve in zip(lines(axes), curves, strict=True):
-            pooled = np.concatenate([r.ospa for r in curve.group.done])
+            pooled = np.concatenate([r.ospa for r in curve.shown.done])
             brute = [100 * np.mean(pooled <= x) for x in AT]
             np.testing.assert_allclose(line.get_ydata(), brute, rtol=1e-12)
         assert axes.get_xscale() == "log" and "logarithmic" in figure.axes[-1].get_xlabel()
     figure = draw_time_figure(layout)
     for axes, curves in zip(figure.axes, layout.panels.values(), strict=True):
         for line, shade, curve in zip(lines(axes), axes.collections, curves, strict=True):
-            low, median, high = find_quartiles(np.array([r.ospa for r in curve.group.done], dtype=float))
+            low, median, high = find_quartiles(np.array([r.ospa for r in curve.shown.done], dtype=float))
             np.testing.assert_allclose(line.get_ydata(), median)
             np.testing.assert_allclose(line.get_xdata(), np.arange(26) / 5)
             drawn = set(np.round(shade.get_paths()[0].vertices[:, 1], 9))
@@ -60,6 +63,35 @@ def test_texts_of_figures_count_scans_and_maps_and_ties_as_neither(without_pictu
     found = {p.name: p.alt for p in draw_pictures(groups(rows), "sma-nbo", [find_shown_metric("ospa.mean_m")])}
     assert "sma-nbo 0.0%; greedy 33.3%." in found["ecdf"] and "sma-nbo 1.00 m; greedy 1.00 m." in found["time"]
     assert "greedy: 1 of 3 maps above sma-nbo." in found["maps-ospa-mean-m"]
+
+
+def test_levels_are_true_to_scale_with_their_intervals_a_line_at_the_threshold_and_every_panel():
+    rng = np.random.default_rng(2)
+    cells = [(("size", size), ("height", str(10 * k))) for size, k in product("136", range(14))]
+    rows = [row(p, s, c, {"share_held": rng.random()}) for p in ("a", "b") for c in cells for s in range(8)]
+    found = groups(rows, "a")
+    held, bound = find_shown_metric("share_held"), Threshold("share_held", 0.9)
+    levels = [a for a in find_levels(found, held, find_varying_factors(found)) if a.factor == "size"]
+    layouts = lay_out_levels(levels)
+    assert [len(layout.panels) for layout in layouts] == [12, 2]
+    for layout in layouts:
+        figure = draw_levels_figure(layout, held, bound)
+        for axes, (title, curves) in zip(figure.axes, layout.panels.items(), strict=False):
+            assert axes.get_title(loc="left") == title and title.startswith("height = ")
+            assert list(axes.get_xticks()) == [1, 3, 6]
+            assert [90, 90] in [list(line.get_ydata()) for line in axes.get_lines()]
+            for drawn, curve in zip(axes.containers, curves, strict=True):
+                own = [g for g in found if g.planner == curve.label and f"height = {dict(g.cell)['height']}" == title]
+                means = [estimate_means(g.values("share_held")[:, None], [1.0])[0].cut(0, 1) for g in own]
+                np.testing.assert_allclose(drawn.lines[0].get_xdata().astype(float), [1, 3, 6], atol=0.05)
+                np.testing.assert_allclose(drawn.lines[0].get_ydata(), [100 * m.value for m in means])
+                (bars,) = drawn.lines[2]
+                np.testing.assert_allclose(
+                    [segment[:, 1] for segment in bars.get_segments()], [[100 * m.low, 100 * m.high] for m in means]
+                )
+    pictures = draw_response_pictures(levels, held, bound)
+    assert [picture.name for picture in pictures] == ["levels-size", "levels-size-2"]
+    assert pictures[0].pdf.startswith(b"%PDF") and "a (height = 0, size = 1) " in pictures[0].alt
 
 
 def test_points_are_maps_that_both_flew():
@@ -124,6 +156,12 @@ def test_no_text_of_a_figure_is_cut_or_runs_into_another(planners, cells):
         figures.append(draw_scatter_figure(points, planners[0], shown))
         scores = [Answer(cell, p, SCORE, mean=Estimate(0.5, 0.1, 0.9)) for cell in cells for p in planners]
         figures.append(draw_score_figure(scores))
+    answers = find_levels(found, find_shown_metric("ospa.mean_m"), find_varying_factors(found))
+    for factor in dict.fromkeys(answer.factor for answer in answers):
+        (layout,) = lay_out_levels([answer for answer in answers if answer.factor == factor])
+        narrow = draw_levels_figure(layout, shown, None, column=True)
+        assert narrow.get_figwidth() == COLUMN and min(text.get_fontsize() for text in texts_of(narrow)) >= 8
+        figures += [draw_levels_figure(layout, shown, None), narrow]
     for figure in figures:
         boxes = {text.get_text(): text.get_window_extent() for text in texts_of(figure)}
         for text, box in boxes.items():

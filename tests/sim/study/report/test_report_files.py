@@ -60,7 +60,8 @@ def test_the_page_needs_nothing_else_its_links_lead_and_figures_speak(page, file
     ids = [given["id"] for _, given in page.elements if "id" in given]
     assert len(ids) == len(set(ids)) > 10 and {given["href"][1:] for given, _ in page.of("a")} <= set(ids)
     images = page.of("img")
-    assert len(images) == len(page.of("figcaption")) == 4
+    assert len(images) == len(page.of("figcaption")) == 5
+    assert files["figures/levels-lambda.pdf"].startswith(b"%PDF")
     for given, _ in images:
         assert len(given["alt"]) > 40 and re.search(r"\d", given["alt"])
     text = files["report.html"].decode()

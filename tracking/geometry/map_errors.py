@@ -1,0 +1,107 @@
+"""Probabilities that lines of sight are free past opaque trees whose places are known with an error, or not at all."""
+
+import math
+
+from tracking.geometry.line_of_sight import PIECE, Grid, Vector, clip, cylinder_of, find_cell
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled, inlined
+from tracking.numerics.exponential import exp
+from tracking.numerics.normal import normal_cdf
+
+REACH = 3.0  # standard deviations; places farther off from an edge are taken to be surely beyond it
+_THIN = 1.6  # deviations; the radius at which both approximations are equally good
+# Column of cylinders (B, 7): standard deviation [m] of their places along each axis. The last row may have an infinite
+# one: a Poisson field of trees of which the map has none, with their number per m² in place of x.
+DEVIATION = 6
+
+
+@compiled
+def hiding_probability(origin: Vector, point: Vector, cylinder: Vector, deviation: float) -> float:
+    """Probability that a vertical cylinder touches the segment from origin (3,) to point (3,), within 0.05.
+
+    The place of its axis is normal around that of the cylinder (5 or more,), with a standard deviation [m] along each
+    axis. Between the cylinder's bottom and top, the segment is seen from above a line of length l. The cylinder touches
+    it if its axis is at most the radius r from that line, in a stadium. Let the believed axis be at (a, b), along and
+    across the line, and d from it. Thin cylinders take a rectangle of the stadium's area, wide ones its edge, which
+    near the ends of the line is round, so that errors along the edge increase the distance. Of unknown trees, λ per m²,
+    none is in the stadium with the probability of an empty area of a Poisson process:
+
+        [Φ((r - b) / σ) - Φ((-r - b) / σ)] [Φ((l + π r / 4 - a) / σ) - Φ((-π r / 4 - a) / σ)]  if r < 1.6 σ, else
+        Φ((r - √(d² + c σ²)) / σ)  with  c = 1 - Φ((l - a) / σ) + Φ(-a / σ),
+        1 - exp(-λ (π r² + 2 r l))  if σ is infinite.
+    """
+    dx, dy, dz = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
+    start, end = 0.0, 1.0
+    if dz == 0.0:
+        if origin[2] < cylinder[3] or origin[2] > cylinder[4]:
+            start = 2.0
+    else:
+        low, high = (cylinder[3] - origin[2]) / dz, (cylinder[4] - origin[2]) / dz
+        start, end = max(start, min(low, high)), min(end, max(low, high))
+    if start > end:
+        return 0.0
+    whole, r = math.sqrt(dx * dx + dy * dy), cylinder[2]
+    east, north = (dx / whole, dy / whole) if whole > 0.0 else (1.0, 0.0)
+    x, y = cylinder[0] - origin[0] - start * dx, cylinder[1] - origin[1] - start * dy
+    if deviation == math.inf:
+        return 1.0 - exp(-cylinder[0] * r * (math.pi * r + 2.0 * (end - start) * whole))
+    length, a, b = (end - start) * whole, x * east + y * north, abs(x * north - y * east)
+    beyond = max(-a, a - length, 0.0)
+    square, reach = beyond * beyond + b * b, REACH * deviation
+    if square >= (r + reach) * (r + reach):
+        return 0.0
+    if r > reach and square <= (r - reach) * (r - reach):
+        return 1.0
+    if r < _THIN * deviation:
+        across = normal_cdf((r - b) / deviation) - normal_cdf((-r - b) / deviation)
+        more = 0.25 * math.pi * r
+        return across * (normal_cdf((length + more - a) / deviation) - normal_cdf((-more - a) / deviation))
+    round_ = 1.0 - normal_cdf((length - a) / deviation) + normal_cdf(-a / deviation)
+    return normal_cdf((r - math.sqrt(square + round_ * deviation * deviation)) / deviation)
+
+
+@inlined
+def clear_probability(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> float:
+    """Probability that no opaque one of cylinders (B, 7) touches the segment from origin (3,) to point (3,).
+
+    Their errors are independent. The grid is over the cylinders with radii that are larger by `REACH` deviations.
+    Note: a tree's trunk and crown move together, and here independently. A line that meets both is hidden anyway.
+    """
+    clear, last = 1.0, len(cylinders) - 1
+    if last >= 0 and cylinders[last, DEVIATION] == math.inf:
+        clear = 1.0 - hiding_probability(origin, point, cylinder_of(cylinders, last), math.inf)
+    start, end = clip(origin, point, grid.low, grid.high)
+    if start > end:
+        return clear
+    dx, dy = point[0] - origin[0], point[1] - origin[1]
+    length = (end - start) * math.sqrt(dx * dx + dy * dy)
+    every = not length <= PIECE * len(cylinders)
+    pieces = 1 if every else int(length / PIECE) + 1
+    for k in range(pieces):
+        s = start + (end - start) * (k + 0.5) / pieces
+        cell = grid.rows * grid.columns if every else find_cell(origin[0] + s * dx, origin[1] + s * dy, grid)
+        for m in range(grid.starts[cell], grid.starts[cell + 1]):
+            row = grid.members[m]
+            cylinder = cylinder_of(cylinders, row)
+            if cylinder[5] == math.inf and (
+                pieces == 1 or _find_piece(origin, point, cylinder, start, end, pieces) == k
+            ):
+                clear *= 1.0 - hiding_probability(origin, point, cylinder, cylinders[row, DEVIATION])
+                if clear < 1e-6:
+                    return 0.0
+    return clear
+
+
+@inlined
+def _find_piece(origin: Vector, point: Vector, cylinder: Vector, start: float, end: float, pieces: int) -> int:
+    """The piece of a segment where it comes nearest to a cylinder, which several pieces may have in their lists.
+
+    start, end: the part of the segment that is cut into pieces; only that at the cylinder's heights counts.
+    """
+    dx, dy, dz = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
+    nearest = ((cylinder[0] - origin[0]) * dx + (cylinder[1] - origin[1]) * dy) / (dx * dx + dy * dy)
+    if dz != 0.0:
+        low, high = (cylinder[3] - origin[2]) / dz, (cylinder[4] - origin[2]) / dz
+        nearest = min(max(nearest, min(low, high)), max(low, high))
+    share = (min(max(nearest, start), end) - start) / (end - start)
+    return min(int(share * pieces), pieces - 1)
