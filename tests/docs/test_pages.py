@@ -1,9 +1,11 @@
 """README, reference and every page: names, commands, keys and defaults exist, and each begins with an example."""
 
+import ast
 import importlib.util
 import pkgutil
 import re
 import shlex
+from collections import Counter
 
 import pytest
 from helpers.pages import DOCS, PAGES, ROOT, blocks, commands, generator, text_of
@@ -23,6 +25,7 @@ from tracking.fusion.tracker_check import check_tracker
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 INSTALL = ("pip install -e . && understory run", "pip install -e '.[test]' && pytest")
 KEYS = {key for key, _, _ in generator().keys()}
+MAKES = ast.FunctionDef | ast.ClassDef
 TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 
 
@@ -133,8 +136,8 @@ def test_the_reference_lists_every_key_and_option_with_a_meaning_and_overrides_t
 
 
 def listed(page, before, after="\n\n"):
-    """Names in the first column of a table."""
-    rows = re.findall(r"^\| (`.*?`) \|", text_of(page).partition(before)[2].partition(after)[0], flags=re.M)
+    """Names in the first column of a table, whose second column says something of each."""
+    rows = re.findall(r"^\| (`.*?`) \| \S", text_of(page).partition(before)[2].partition(after)[0], flags=re.M)
     return [name for row in rows for name in re.findall(r"`(.*?)`", row)]
 
 
@@ -145,7 +148,13 @@ def test_every_check_and_all_that_a_fusion_rule_is_given_are_listed():
     assert set(listed("how-to/plugins", "| of `local` |")) == set(LocalBeliefs._fields)
 
 
-def test_the_page_of_helpers_names_every_module():
-    page = (ROOT / "tests" / "helpers" / "README.md").read_text(encoding="utf-8")
-    modules = {path.stem for path in (ROOT / "tests" / "helpers").glob("*.py")} - {"__init__"}
-    assert set(re.findall(r"^\| `(\w+)` \|", page, flags=re.M)) == modules
+def test_the_page_of_helpers_names_every_module_with_what_it_holds_and_tests_use_all_of_it():
+    folder = ROOT / "tests" / "helpers"
+    page, modules = (folder / "README.md").read_text(encoding="utf-8"), sorted(folder.glob("*.py"))
+    rows = re.findall(r"^\| `(\w+)` \| (.+?) \|$", page, flags=re.M)
+    assert [name for name, _ in rows] == [path.stem for path in modules if path.stem != "__init__"]
+    assert min(len(holds.split()) for _, holds in rows) > 1
+    words = Counter(re.findall(r"\w+", "".join(path.read_text("utf-8") for path in (ROOT / "tests").rglob("*.py"))))
+    for path in modules:
+        made = [node.name for node in ast.parse(path.read_text("utf-8")).body if isinstance(node, MAKES)]
+        assert [name for name in made if words[name] == 1] == [], path.name

@@ -7,7 +7,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.stats import norm
 
 from helpers.teams import among
-from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
+from planning.objective.cost_to_go import FUTURE
 from planning.objective.mwtp import add_penalties
 from planning.objective.nbo import Measure, make_objective
 from planning.prediction.predicted_belief import LANES
@@ -131,7 +131,7 @@ def plain_error(trace, cutoff):
 
 def plain_future(deviation, seconds):
     """The table of future errors [s] at a standard deviation in units of the cut-off and a time, by SciPy."""
-    scales = [spacing * np.arange(count) for spacing, count in zip((DEVIATION, SECONDS), FUTURE.shape, strict=True)]
+    scales = [spacing * np.arange(count) for spacing, count in zip((0.2, 2.0), FUTURE.shape, strict=True)]
     place = [min(x, scale[-1]) for x, scale in zip((deviation, seconds), scales, strict=True)]
     return float(RegularGridInterpolator(scales, FUTURE)(place)[0])
 

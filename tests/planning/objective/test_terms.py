@@ -220,6 +220,23 @@ def test_connectivity_counts_the_uavs_outside_the_connected_component(random_tea
     np.testing.assert_allclose(found, 7.0 * expected)
 
 
+@pytest.mark.parametrize("above", [14.0, 16.0])
+@pytest.mark.parametrize("spread", [0.3, 5.0])  # m/s, of plans: all of them near the other UAV, or some
+@pytest.mark.parametrize("deciding", [[0], [0, 1]])
+def test_radios_reach_as_far_upwards_as_sideways(random_team, deciding, spread, above):
+    """A UAV above another one; radios reach 15 m."""
+    team = refitted(
+        random_team(0, uavs=2), lambda v: dataclasses.replace(v, position=np.array([2.0, 3.0, 17.0 + above * v.id]))
+    )
+    situation = dataclasses.replace(team[0], radio_range=15.0)
+    candidates = np.random.default_rng(0).uniform(-spread, spread, (60, len(deciding), 3, 2))
+    found = Connectivity(7.0).objective(situation, np.zeros((2, 3, 2)), deciding)(candidates)
+    apart = np.cumsum(candidates[:, 0] - (candidates[:, 1] if len(deciding) == 2 else 0.0), axis=1)
+    unlinked = np.sum(np.sum(apart**2, axis=2) + above**2 > 15.0**2, axis=1)
+    np.testing.assert_array_equal(found, 7.0 * unlinked)
+    assert len(set(unlinked)) > 1 or spread < 1.0 or above > 15.0
+
+
 def test_a_pair_out_of_range_flies_together_if_that_is_worth_more(random_team):
     """Two UAVs 40 m apart whose radios reach 30 m, and no people."""
     team = [

@@ -9,6 +9,7 @@ from helpers.nominal import nominal
 from planning.objective.nbo import make_objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
+from planning.optimizers.mutations import _CYCLE, _SHAKE, draw_chances, mutate_plans
 from planning.optimizers.optimizer import make_pursuits
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner import limit_speed
@@ -216,3 +217,15 @@ def test_the_default_is_as_good_as_particle_swarm_with_a_hundred_times_its_evalu
     print(f"\nworst {found.max():.4f}, mean {found.mean():.4f}, of {len(found)} over 1 % worse in")
     print(f"{np.sum(found > 0.01)}, over 1 % better in {np.sum(found < -0.01)}")
     assert np.mean(found > 0.01) <= 0.02 and found.mean() <= 0.0
+
+
+def test_shakes_add_an_offset_and_noise_of_one_variance_to_all_steps_of_all_uavs():
+    parents, speeds = np.zeros((1, 2, 5, 2)), np.array([5.0, 2.0])
+    chances = draw_chances(np.random.default_rng(0), 16_000, parents)
+    children = mutate_plans(parents, chances, 1e-3, speeds, NO_TARGETS)  # too small for limits to matter
+    shaken = np.flatnonzero(np.resize(_CYCLE, len(children)) == _SHAKE)
+    sizes = np.multiply.outer(1e-3 * np.exp(chances.normals[shaken, 2]), speeds)
+    noise = (children[shaken] / sizes[..., None, None]).reshape(len(shaken), -1)
+    steps = 0.5 * (np.eye(5) + np.ones((5, 5)))  # half of a step's variance is that of all steps together
+    assert len(noise) >= 2000
+    np.testing.assert_allclose(np.cov(noise.T), np.kron(np.eye(2), np.kron(steps, np.eye(2))), atol=0.12)

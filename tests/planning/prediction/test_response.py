@@ -33,11 +33,18 @@ def test_mean_velocities_are_those_of_the_differential_equation_of_a_first_order
             v = way.y[1, -1]
 
 
-def test_without_a_lag_mean_velocities_are_the_commands_to_the_bit():
+def test_a_uav_without_a_lag_has_its_commands_to_the_bit_beside_others_that_lag():
     rng = np.random.default_rng(1)
     plans = rng.uniform(-5, 5, (4, 3, 5, 2))
-    fleet = lagging((0.0, 0.0, 0.0), rng.uniform(-3, 3, (3, 2)))
-    assert mean_velocities(response(fleet, 1.0), plans).tobytes() == plans.tobytes()
+    fleet = lagging((0.0, 1e-4, 0.65), rng.uniform(-3, 3, (3, 2)))
+    found = mean_velocities(response(fleet, 0.5), plans)
+    assert found[:, 0].tobytes() == plans[:, 0].tobytes()
+    np.testing.assert_allclose(found[:, 1], plans[:, 1], atol=2e-4 * 16.0)  # a lag of 0.2 per mille of the step
+    assert np.abs(found[:, 2] - plans[:, 2]).max(axis=(0, 2)).min() > 0.5
+    command = np.array([-3.0, 2.0])
+    after = vehicle_after(fleet[0], command, 0.5)
+    assert after.velocity.tolist() == [-3.0, 2.0]  # at once
+    np.testing.assert_allclose(after.position, [*(fleet[0].position[:2] + 0.5 * command), fleet[0].position[2]])
 
 
 def test_none_is_taken_to_be_faster_than_its_limit():

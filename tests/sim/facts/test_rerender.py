@@ -1,5 +1,6 @@
 """Frames rendered again are those flown; what is drawn on them is where it is; wrong input leaves nothing."""
 
+import dataclasses
 import math
 
 import cv2
@@ -12,11 +13,12 @@ from helpers.recordings import record
 from sim.facts.flight import find_scans
 from sim.facts.rerender import Rerenderer
 from sim.mission.archive import save
+from sim.views.drawing.tiles import BORDER
 from sim.views.frames import frame_panels
 from sim.views.frames.annotation import annotate
 from sim.views.frames.frame_facts import FrameFacts, make_frame_facts
 from sim.views.frames.frame_panels import write_frames
-from sim.views.palette import track_colour
+from sim.views.palette import track_colour, uav_colour
 from sim.views.scene import mark_track, outline_ellipse
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
@@ -66,15 +68,55 @@ def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
     assert np.mean(right) > 0.8 and np.ptp(on_it[:, 0]) == pytest.approx(2 * np.ptp(on_it[:, 1]), rel=0.01)
 
 
-def test_views_of_anything_can_be_drawn():
-    for options in ({}, {"people": 0}, {"mode": "ideal"}, {"people": 30}):
-        recording = record(3, seed=0, **options)
-        with Rerenderer(recording) as again:
-            page = frame_panels.draw_frame_page(again, 2, 1, size=300)
-        assert page.shape[0] >= 276 and page.dtype == np.uint8
+RIM, HIDING = "rim of what trees hide", "tree that hides a person"
+FOUND = {"truth: person", "detection", "measurement, 95 % ellipse", "track, 95 % ellipse"}
+
+
+@pytest.mark.parametrize(
+    ("options", "marks"),
+    [
+        ({}, {RIM, *FOUND}),
+        ({"people": 0}, {RIM}),
+        ({"mode": "ideal"}, {RIM, *FOUND} - {"detection"}),
+        ({"people": 30}, {RIM, HIDING, *FOUND}),
+    ],
+)
+def test_a_page_holds_the_view_with_marks_of_what_is_there_and_of_nothing_else(options, marks):
+    recording = record(3, seed=0, **options)
+    with Rerenderer(recording) as again:
+        page = frame_panels.draw_frame_page(again, 2, 1, size=300)
+        frame, sight = again.image(2, 1), make_frame_facts(recording, 2, 1)
+    view, shown = annotate(frame, sight, 300)
+    assert shown == marks and view.shape == (256, 256, 3)
+    row, column = np.argwhere(np.all(page == uav_colour(1), axis=2)).min(axis=0) + BORDER
+    np.testing.assert_array_equal(page[row : row + 256, column : column + 256], view)
+    plain = np.repeat(np.repeat(frame, 2, axis=0), 2, axis=1)  # 128 pixels, enlarged
+    changed = np.any(view != plain, axis=2)
+    for person in sight.people:  # a mark around each in the image
+        middle = 2.0 * sight.camera.project(sight.pose, np.array([[*person.place, TARGET_HEIGHT]]))[0][0]
+        if np.all((middle > 20) & (middle < 236)):
+            x, y = middle.astype(int)
+            assert person.in_image and changed[y - 14 : y + 15, x - 14 : x + 15].any()
+    if "people" in options and not options["people"]:
+        bare, _ = annotate(frame, dataclasses.replace(sight, forest=Forest(())), 300)
+        assert np.mean(np.any(bare != plain, axis=2)) < 0.05  # a scale bar and an arrow
+
+
+def test_a_view_of_the_horizon_has_the_rim_of_a_crown_where_the_crown_is():
+    """A crown of 5 m radius, 3 to 6 m high and 20 m away, seen from 10 m."""
     seen = scene(trees=[Tree(0.0, 20.0)], pose=northwards(90))
-    view, _ = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
-    assert view.shape == (256, 256, 3)
+    view, shown = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
+    assert view.shape == (256, 256, 3) and shown == {RIM}
+    assert not view[:128].any()  # the sky
+    drawn = view.min(axis=2) > 128  # without the dark border of lines
+    drawn[222:, :72] = drawn[190:, 190:] = False  # scale bar and arrow
+    rows, columns = np.nonzero(drawn)
+    focal = 128 / math.tan(math.radians(30))
+    side = focal * math.tan(math.asin(5 / 20))
+    assert (columns.min(), columns.max()) == (pytest.approx(128 - side, abs=4), pytest.approx(127 + side, abs=4))
+    top, bottom = 128 + focal * (10 - 6) / (20 + 5), 128 + focal * (10 - 3) / (20 - 5)
+    assert (rows.min(), rows.max()) == (pytest.approx(top, abs=4), pytest.approx(bottom, abs=4))
+    assert not drawn[170:220, 75:180].any()  # within the rim
 
 
 def test_scans_are_those_in_a_window_and_a_failure_leaves_no_folder(mission, tmp_path, monkeypatch):

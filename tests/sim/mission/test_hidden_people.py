@@ -1,10 +1,14 @@
-"""Errors in people out of sight, beside those of a particle filter that has all frames of all UAVs, and calibration.
+"""Errors in people out of sight, beside those of a particle filter, and calibration.
 
-`pytest -m slow -s -n 0 tests/sim/mission/test_hidden_people.py` flies 40 missions for the errors and 55 for the
+The particle filter has all frames of all UAVs, and its particles go on as walkers of other seeds did.
+
+`pytest -m slow -s -n 0 tests/sim/mission/test_hidden_people.py` flies 20 missions for the errors and 55 for the
 calibration, and prints what docs/explanation/tracks.md says of them.
 """
 
 from collections.abc import Iterator
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -16,31 +20,69 @@ from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.loading import load_scenario
-from sim.scenario.scenario import Scenario
+from sim.world.trajectories import SAMPLES_PER_SECOND
+from sim.world.walkers import walk
 from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.management.escapes import Escapes
 
 COUNT = 3000
 HELD, LOST = 1.0, 10.0  # m, where a particle filter may start, and beyond which an error is of no belief
 
 
-def moved(states: np.ndarray, scenario: Scenario, rng: np.random.Generator) -> np.ndarray:
-    """States (COUNT, 4) a scan later: directions stay, speeds return to that of walking in 3 s, at most `max_speed`."""
-    tracking, dt = scenario.tracking, 1 / scenario.rates.sensing
-    speeds = np.linalg.norm(states[:, 2:], axis=1)[:, None]
-    left = np.exp(-dt / 3.0)
-    wanted = np.minimum(tracking.walking_speed + left * (speeds - tracking.walking_speed), tracking.max_speed)
-    after = states[:, 2:] * wanted / speeds + rng.normal(scale=tracking.sigma_a * dt, size=(COUNT, 2))
-    return np.hstack([states[:, :2] + dt / 2 * (states[:, 2:] + after), after])
+@cache
+def walked() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places (K, N, 2) m of walkers of other seeds, without trees, at the scans of 80 s; speeds; where these are.
+
+    The speeds [m/s] of the first half, ascending, are those by which a particle finds a walk to go on with; to each
+    belong a scan and a walker.
+    """
+    setting = load_scenario("forest")
+    every = round(SAMPLES_PER_SECOND / setting.rates.sensing)
+    made = [
+        walk(setting.people, setting.area, Forest(()), duration=80.0, rng=np.random.default_rng([9, seed])).positions
+        for seed in range(60)
+    ]
+    places = np.concatenate(made, axis=1)[::every]
+    speeds = np.linalg.norm(np.diff(places, axis=0), axis=2)[: len(places) // 2] * setting.rates.sensing
+    order = np.argsort(speeds, axis=None)
+    return places, speeds.ravel()[order], np.column_stack(np.unravel_index(order, speeds.shape))
 
 
-def unseen(states: np.ndarray, cameras, poses, forest, missed: float, rng: np.random.Generator) -> np.ndarray:
-    """States (COUNT, 4) drawn anew, given that no camera detects the person; looks at one place count once."""
-    points = np.column_stack([states[:, :2], np.full(COUNT, TARGET_HEIGHT)])
+class Walks(NamedTuple):
+    """Particles: each goes on as a true walker did who was as fast, turned into the particle's direction."""
+
+    starts: np.ndarray  # (COUNT, 2) m
+    turns: np.ndarray  # (COUNT, 2, 2)
+    scans: np.ndarray  # (COUNT,), of the walk at the start
+    walkers: np.ndarray  # (COUNT,)
+
+    def after(self, count: int) -> np.ndarray:
+        """Places (COUNT, 2) m so many scans after the start."""
+        places, _, _ = walked()
+        gone = places[self.scans + count, self.walkers] - places[self.scans, self.walkers]
+        return self.starts + np.einsum("nij,nj->ni", self.turns, gone)
+
+
+def begin(track, rng: np.random.Generator) -> Walks:
+    """Particles drawn from a track."""
+    states = rng.multivariate_normal(track.belief.mean, track.belief.covariance, COUNT)
+    places, speeds, found = walked()
+    near = np.searchsorted(speeds, np.linalg.norm(states[:, 2:], axis=1)) + rng.integers(-50, 50, COUNT)
+    scans, walkers = found[near.clip(0, len(found) - 1)].T
+    way = places[scans + 1, walkers] - places[scans, walkers]
+    angles = np.arctan2(states[:, 3], states[:, 2]) - np.arctan2(way[:, 1], way[:, 0])
+    turns = np.stack([np.cos(angles), -np.sin(angles), np.sin(angles), np.cos(angles)], axis=1).reshape(-1, 2, 2)
+    return Walks(states[:, :2], turns, scans, walkers)
+
+
+def unseen(places: np.ndarray, cameras, poses, forest, missed: float, rng: np.random.Generator) -> np.ndarray:
+    """Particles to go on with, given that no camera detects the person; looks at one place count once."""
+    points = np.column_stack([places, np.full(COUNT, TARGET_HEIGHT)])
     seen = [c.sees(p, points) & forest.visible(p.position, points)[0] for c, p in zip(cameras, poses, strict=True)]
     weights = np.cumsum(np.where(np.any(seen, axis=0), missed, 1.0))
-    places = (np.arange(COUNT) + rng.random()) / COUNT * weights[-1]
-    return states[np.searchsorted(weights, places).clip(max=COUNT - 1)]
+    drawn = (np.arange(COUNT) + rng.random()) / COUNT * weights[-1]
+    return np.searchsorted(weights, drawn).clip(max=COUNT - 1)
 
 
 def errors(seed: int) -> Iterator[tuple[float, float]]:
@@ -49,10 +91,10 @@ def errors(seed: int) -> Iterator[tuple[float, float]]:
     Infinite where there is no track.
     """
     flown, snapshots = fly("trees.density=75", planner=DEFAULT_PLANNER, seed=seed, duration=40)
-    scenario, rng, states = flown.scenario, np.random.default_rng(seed), {}
+    scenario, rng, states, since = flown.scenario, np.random.default_rng(seed), {}, {}
     cameras, p = [scenario.believed_camera(i) for i in range(len(scenario.uavs))], make_tracker_parameters(scenario)
-    missed = 1.0 - p.detection_probability
-    for snapshot in snapshots:
+    missed = 1.0 - p.settings.detection_probability
+    for k, snapshot in enumerate(snapshots):
         tracks = {track.id: track for track in snapshot.tracks[0]}
         for person, place in enumerate(snapshot.people):
             track = tracks.get(person)
@@ -60,25 +102,25 @@ def errors(seed: int) -> Iterator[tuple[float, float]]:
             if snapshot.matched[:, person].any():
                 states.pop(person, None)
                 if off < HELD:
-                    states[person] = rng.multivariate_normal(track.belief.mean, track.belief.covariance, COUNT)
+                    states[person], since[person] = begin(track, rng), k
             elif person in states:
-                predicted = moved(states[person], scenario, rng)
-                states[person] = unseen(predicted, cameras, snapshot.cameras, flown.forest, missed, rng)
-                error = np.linalg.norm(states[person][:, :2].mean(axis=0) - place)
-                yield error, off
+                places = states[person].after(k - since[person])
+                kept = unseen(places, cameras, snapshot.cameras, flown.forest, missed, rng)
+                states[person] = Walks(*(column[kept] for column in states[person]))
+                yield np.linalg.norm(places[kept].mean(axis=0) - place), off
 
 
 @pytest.mark.slow
-def test_tracks_of_hidden_people_are_as_near_as_a_particle_filters_means():
-    found = np.array([pair for seed in range(400, 440) for pair in errors(seed)])
+def test_tracks_of_hidden_people_are_nearly_as_near_as_a_particle_filters_means_with_true_walks():
+    found = np.array([pair for seed in range(400, 420) for pair in errors(seed)])
     near = np.all(found < LOST, axis=1)
     particles, tracks = found[near].T
     print(f"\n{len(tracks)} errors [m]: particle filter {particles.mean():.3f}, tracks {tracks.mean():.3f}")
     print(f"left out: {1.0 - near.mean():.2%}, of the particle filter {np.mean(found[:, 0] >= LOST):.2%}")
     print(f"above 2 m: {np.mean(particles > 2.0):.1%} and {np.mean(tracks > 2.0):.1%}")
     assert near.mean() > 0.95  # lost tracks are neither dropped nor far off
-    assert tracks.mean() < particles.mean()
-    assert np.mean(tracks > 2.0) < np.mean(particles > 2.0)
+    assert tracks.mean() < 1.1 * particles.mean() and np.median(tracks) < 1.1 * np.median(particles)
+    assert np.mean(tracks > 2.0) < 1.1 * np.mean(particles > 2.0)
 
 
 class KeepingBeliefs:

@@ -220,5 +220,5 @@ def test_parts_are_as_certain_as_the_fit_to_other_people_makes_them():
     traces = np.array([[np.trace(p.posterior(e)[1]) for e in (PART_ERROR, error)] for p in parts if p is not None])
     assert len(traces) > 150
     ratios = traces[:, 0] / traces[:, 1]
-    assert 0.8 < np.exp(np.log(ratios).mean()) < 1.25
-    assert np.quantile(ratios, 0.1) > 0.5 and np.quantile(ratios, 0.9) < 2.0
+    assert 0.93 < np.exp(np.log(ratios).mean()) < 1.07
+    assert np.quantile(ratios, 0.1) > 0.9 and np.quantile(ratios, 0.9) < 1.15

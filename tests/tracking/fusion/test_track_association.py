@@ -1,5 +1,8 @@
 """Association of tracks that need no comparison, against the general way."""
 
+from itertools import permutations
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers.graphs import exchange, graph, told
@@ -42,3 +45,18 @@ def test_what_is_associated_at_once_is_what_the_general_way_finds(seed, monkeypa
         assert (ours.partition, ours.deleted) == (theirs.partition, theirs.deleted)
         for name in ("ids", "keys", "shares", "times", "views", "misses", "sightings"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_tracks_of_two_uavs_are_joined_as_in_the_likeliest_of_all_matchings(seed):
+    """Only pairs that are more likely one person than two; a pair without this gain may not help another one."""
+    between = np.random.default_rng(seed).normal(0.0, 2.0, (3, 3))
+    ratios = np.full((6, 6), -np.inf)
+    ratios[:3, 3:], ratios[3:, :3] = between, between.T
+    holders = np.repeat(np.eye(2, dtype=bool), 3, axis=0)
+    states = SimpleNamespace(sightings=np.full((6, 3), NOW))
+    group = track_association._join(states, ratios, holders, np.zeros(6, bool))
+    likeliest = max(permutations(range(3)), key=lambda order: np.maximum(between[range(3), order], 0.0).sum())
+    joined = {(a, b) for a, b in enumerate(likeliest) if between[a, b] > 0.0}
+    assert {(a, b) for a in range(3) for b in range(3) if group[a] == group[3 + b]} == joined
+    assert len(np.unique(group)) == 6 - len(joined)

@@ -8,8 +8,9 @@ import pytest
 from helpers.porous import make_porous, plain_detectabilities, sampled_share
 from helpers.views import CAMERA
 
+from sim.scenario.uavs import DEFAULT_FLEET
 from tracking.geometry.camera import Pose
-from tracking.geometry.leaf_gaps import detectable_share, lower_detectabilities
+from tracking.geometry.leaf_gaps import USUAL_PIXEL, USUAL_SLOPE, detectable_share, lower_detectabilities
 from tracking.geometry.lens import pixel_size
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import (
@@ -45,6 +46,16 @@ def segments(rng, kind, span=12.0):
     if kind == "level":
         cameras[:, 2] = points[:, 2] = 3.0
     return cameras, points
+
+
+def test_the_usual_pixel_and_slope_are_means_of_the_default_cameras():
+    """Of people anywhere in their images, by sampling; the altitudes are those of the default fleet."""
+    rng, tangent = np.random.default_rng(0), math.tan(math.radians(30))
+    slopes = np.hypot(*(tangent * rng.uniform(-1, 1, (2, 10_000))))
+    assert pytest.approx(slopes.mean(), abs=0.05) == USUAL_SLOPE
+    pixels = [2 * tangent * (uav.altitude - TARGET_HEIGHT) / 128 for uav in DEFAULT_FLEET]
+    assert pytest.approx(np.mean(pixels), abs=0.01) == USUAL_PIXEL
+    assert detectable_share(0.3) == detectable_share(0.3, USUAL_PIXEL, USUAL_SLOPE)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.scenes import track
+from scipy.integrate import quad
 from scipy.stats import multivariate_normal
 
 from planning.planner_check import CHECKS, check_planner
@@ -50,6 +51,25 @@ def test_people_turn_at_a_constant_rate_while_nobody_looks():
     assert np.array_equal(kept.belief.mean, before.mean)
     assert kept.belief.covariance == pytest.approx(0.5 * before.covariance)  # the rest is that of people who turn
     assert [part.id for part in (kept, *turned)] == [3] * 7
+
+
+def test_people_whose_tracks_fade_turn_as_by_the_integral_of_their_odds():
+    """Odds that fall from 9 to 1 in 10 s; up to the first decision they count as they are then."""
+
+    def odds(time):
+        return max(9.0 - 0.8 * (time - 1.0), 1.0)
+
+    def density(time):
+        return odds(time) * math.exp(-(time - 1.0) / TIME) / TIME
+
+    escapes, first, end = Escapes(TIME), 1.4, 11.4
+    for time in np.linspace(first, end, 21):
+        kept, *turned = split(escapes, time, one=lost(odds(time) / (1.0 + odds(time))))
+    expected = odds(first) * (1.0 - math.exp(-(first - 1.0) / TIME)) + quad(density, first, end)[0]
+    there = odds(end) * math.exp(-(end - 1.0) / TIME)
+    assert len(turned) == 6  # no part is left out
+    assert sum(part.existence for part in turned) == pytest.approx(expected / (1.0 + expected + there), rel=1e-3)
+    assert kept.existence == pytest.approx(there / (1.0 + expected + there), rel=1e-3)
 
 
 def test_while_nobody_looks_people_are_where_association_has_them():
@@ -133,8 +153,9 @@ def test_a_new_detection_begins_anew_and_others_are_left_as_they_are():
     again, fresh = (split(one, 16.0, one=lost(since=5.9)) for one in (escapes, Escapes(TIME)))
     assert [part.existence for part in again] == [part.existence for part in fresh] and len(fresh) == 7
     unknown = track(4, 0.0, 0.0, 0.0, 0.0)  # of a tracker that gives no sightings
-    (never,) = split(escapes, 17.0, one=unknown)
-    assert never is unknown
+    for one in (unknown, replace(unknown, sighting=np.array([0.0, 0.0, -np.inf]))):
+        (never,) = split(escapes, 17.0, one=one)
+        assert never is one
 
 
 def test_planners_that_search_for_escaped_people_remember_frames_until_a_reset(random_team):

@@ -57,6 +57,14 @@ def test_ospa_and_gospa_match_hand_computed_values(distance, estimates, truths, 
     np.testing.assert_allclose(distance(np.array(estimates, float), np.array(truths, float)), expected, rtol=1e-14)
 
 
+def test_by_default_trajectories_have_the_cut_off_and_order_of_places():
+    """Of three people two are tracked, 30 m and 80 m off; a mean over instants is that of each of them."""
+    people, tracks = np.array([[0.0, 0], [0, 500], [500, 0]]), np.array([[30.0, 0], [80, 500]])
+    expected = ospa(tracks, people)
+    assert expected.distance == pytest.approx(math.sqrt((30**2 + 2 * 50**2) / 3), rel=1e-14)
+    np.testing.assert_allclose(ospa2(np.stack([tracks] * 4), np.stack([people] * 4)), expected, rtol=1e-14)
+
+
 def test_trajectories_are_of_the_same_times_and_in_the_plane():
     with pytest.raises(ValueError, match=r"must be \(K, A, 2\) and \(K, B, 2\), are \(3, 1, 2\) and \(4, 1, 2\)"):
         ospa2(np.zeros((3, 1, 2)), np.zeros((4, 1, 2)))

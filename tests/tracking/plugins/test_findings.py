@@ -14,4 +14,6 @@ from tracking.plugins.findings import describe_time
 )
 def test_times_are_those_of_people(seconds, text):
     assert describe_time(seconds, "a scan") == text
+    late = [describe_time([s], "a scan").endswith("; longer than the time between scans") for s in (0.2, 0.201)]
+    assert late == [False, True]
     assert describe_time([1.5], "a decision", 1.0, "a step of its plan").endswith("; longer than a step of its plan")

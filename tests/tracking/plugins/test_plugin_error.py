@@ -8,7 +8,7 @@ import pytest
 from tracking.errors import one_line
 from tracking.plugins import plugin_error
 from tracking.plugins.plugin_error import PluginError, Unusable, plugin_call
-from tracking.plugins.result_check import read_numbers
+from tracking.plugins.result_check import COVARIANCES, read_numbers
 
 
 def logged(method):
@@ -77,6 +77,16 @@ def test_an_exception_has_its_class_its_text_and_the_lines_of_the_plug_ins_file(
     assert str(told.value).split(":")[0].endswith("TypeError")
 
 
+def test_a_value_error_of_the_plug_in_has_its_class_and_one_of_ours_only_its_text(monkeypatch):
+    with pytest.raises(PluginError, match=r"^ValueError: no$"), plugin_call():
+        raise ValueError("no")
+    monkeypatch.setattr(plugin_error, "_find_own_lines", lambda error: ())  # as if the errors were of a file of ours
+    with pytest.raises(PluginError, match=r"^no$"), plugin_call():
+        raise ValueError("no")
+    with pytest.raises(PluginError, match=r"^TypeError: no$"), plugin_call():
+        raise TypeError("no")
+
+
 def test_a_text_becomes_one_line_of_printable_characters():
     assert one_line(ValueError("two\n\x1b[31mlines\u202e ")) == "two [31mlines"
     assert one_line(KeyError()) == "KeyError"
@@ -112,3 +122,14 @@ def test_arrays_of_another_library_are_taken_alone_and_in_lists():
 def test_what_is_no_number_is_refused(given):
     with pytest.raises(Unusable, match=r"^controls are not numbers$"):
         read_numbers("controls", given)
+
+
+@pytest.mark.parametrize("wrong", [np.diag([1.0, 1.0, 1.0, -1e-9]), np.eye(4) + 0.1 * np.eye(4, k=1), 1e13 * np.eye(4)])
+def test_each_of_several_covariances_has_to_be_symmetric_and_definite(wrong):
+    good = np.tile(np.eye(4), (3, 1, 1))
+    np.testing.assert_array_equal(COVARIANCES.check("covariances", good, 3), good)
+    for k in range(3):
+        one = good.copy()
+        one[k] = wrong
+        with pytest.raises(Unusable, match="covariances are not symmetric and positive definite, from 1e-12 to 1e12"):
+            COVARIANCES.check("covariances", one, 3)

@@ -85,6 +85,41 @@ def test_above_people_who_are_known_it_is_the_kalman_filter_of_a_drift():
         np.testing.assert_allclose(registration.covariance[:2, :2], variance * np.eye(2), rtol=0, atol=1e-9)
 
 
+def test_scans_within_a_second_teach_as_much_as_one_scan():
+    """Four residuals at 4 Hz, each of another person, against the posterior by one residual, of their mean."""
+    registration = make_registration(Navigation(horizontal_drift=1.5, horizontal_noise=0.1), "estimate", known=True)
+    nobody, P, R = np.zeros((0, 2)), np.diag([0.7, 0.7, 0.5, 0.5]), 0.29
+    registration.correct(Scan(0, 0.0, ABOVE, nobody, np.zeros((0, 2, 2))))
+    residuals = np.array([[1.0, -2.0], [0.5, 0.0], [2.0, -1.0], [1.5, 1.0]])
+    for k, offset in enumerate(residuals):
+        corrected = registration.correct(Scan(0, 0.25 * (k + 1), ABOVE, offset[None], R * np.eye(2)[None]))
+        mean = registration.errors[:2] + corrected.measurements[0] - offset  # so that the residual is the offset
+        beliefs = Beliefs(np.array([[*mean, 0.0, 0.0]]), P[None])
+        registration.note(np.array([k]), beliefs, corrected, np.zeros((1, 2), int), np.ones(1))
+        registration.learn(np.array([k]), P[None], 1)
+    left = 1.0 / (1.0 / 1.5**2 + 1.0 / (0.7 + R + 0.1**2))
+    np.testing.assert_allclose(registration.covariance[:2, :2], left * np.eye(2), rtol=0.02, atol=1e-3)
+    np.testing.assert_allclose(registration.errors[:2], left * residuals.mean(axis=0), rtol=0.02)
+
+
+@pytest.mark.parametrize("deviation", [0.1, 0.3, 0.5])
+def test_measurements_in_a_turn_err_as_far_as_the_offset_of_the_clock_bends_the_way(deviation):
+    """On a circle at 4 m/s and 4 m/s²; a quadrature that is exact for polynomials of fifth degree in the offset."""
+    registration, R = make_registration(Navigation(clock_deviation=deviation), "inflate", known=True), 0.01 * np.eye(2)
+    for angle in np.arange(0.0, 4.0, 0.02):  # rad, and s
+        ahead, inwards = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+        scan = Scan(0, angle, Pose.level(*(-4.0 * inwards), 20.0), np.zeros((1, 2)), R[None])
+        found = registration.correct(scan).covariances[0] - R
+    expected = np.zeros((2, 2))
+    for offset, weight in ((-np.sqrt(3.0) * deviation, 1 / 6), (0.0, 2 / 3), (np.sqrt(3.0) * deviation, 1 / 6)):
+        moved = offset * (4.0 * ahead - offset * 4.0 * inwards)  # by the velocity at the scan's time
+        expected += weight * np.outer(moved, moved)
+    axes = np.column_stack([ahead, inwards])
+    found, expected = axes.T @ found @ axes, axes.T @ expected @ axes
+    np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=0.05)
+    assert abs(found[0, 1]) < 0.05 * np.sqrt(expected[0, 0] * expected[1, 1])
+
+
 def test_cross_covariances_move_with_the_people():
     registration = make_registration(Navigation(horizontal_drift=1.5), "estimate", known=True)
     scan, P = Scan(0, 0.0, ABOVE, np.ones((1, 2)), np.eye(2)[None]), np.diag([1.0, 1.0, 0.5, 0.5]) + 0.2
@@ -171,6 +206,18 @@ def share(seed, uavs=2, scans=51, figures=Navigation(horizontal_drift=1.0, horiz
         made.append(now)
     fleet = [Tracker(i, CAMERA, OPEN, parameters, initial) for i in range(uavs)]
     return fleet, made, [e._drift[:2] for e in errors]
+
+
+def test_a_lone_uavs_tracks_err_at_least_as_far_as_its_position_drifts_however_often_people_are_seen():
+    """Nobody else shows the error; a person who stands still is as near to the truth as the position is."""
+    parameters = TrackerParameters(MOTION, navigation=Navigation(horizontal_drift=1.5, horizontal_noise=0.1))
+    subject = Tracker(0, CAMERA, OPEN, parameters)
+    for k in range(40):
+        step([subject], [Scan(0, 0.2 * k, ABOVE, np.array([[2.0, 1.0]]), 0.05 * np.eye(2)[None])])
+    (told,) = subject.tracks
+    spread, own = told.belief.covariance[:2, :2], subject._table.covariances[0, :2, :2]
+    assert np.all(np.linalg.eigvalsh(own) < 0.5)
+    assert np.all(np.linalg.eigvalsh(spread - own) > 1.5**2) and np.all(np.linalg.eigvalsh(spread) < 2 * 1.5**2)
 
 
 @pytest.mark.parametrize("missions", [20, pytest.param(60, marks=pytest.mark.slow)])
