@@ -153,7 +153,8 @@ class Mission:
         cameras = [uav.camera_pose(body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
         stamped = self._stamp(bodies)
-        believed = self._mislead([uav.camera_pose(body) for uav, body in zip(self.scenario.uavs, stamped, strict=True)])
+        turns = zip(self.scenario.uavs, cameras, stamped, self._errors, strict=True)
+        believed = self._mislead([uav.camera_pose(stamp) if e else pose for uav, pose, stamp, e in turns])
         heights = [own.position[2] - true.position[2] for own, true in zip(believed, cameras, strict=True)]
         self._altitude_errors = np.array(heights) if any(self._errors) else None  # m, by which control errs
         shots = [

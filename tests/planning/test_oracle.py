@@ -193,9 +193,9 @@ def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch, without_pi
     titles = []
 
     class Film(pictures.Film):
-        def __init__(self, scenario, forest, *, planner):
+        def __init__(self, *arguments, planner, **options):
             titles.append(planner)
-            super().__init__(scenario, forest, planner=planner)
+            super().__init__(*arguments, planner=planner, **options)
 
     monkeypatch.setattr(pictures, "Film", Film)
     setting = load_scenario("forest", [*SHORT])
