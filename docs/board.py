@@ -100,8 +100,7 @@ def make_table(folders: Sequence[Path]) -> str:
         claims = entry.list_claims()
         for planner in entry.planners:
             own = [row for row in claims if row.planner == planner]
-            maps = len({row.seed for row in own})
-            score, text = _find_score([*own, *ends], planner)
+            score, text, maps = _find_score([*own, *ends], planner)
             releases = ", ".join(sorted({row.version for row in own}))
             cells = [f"`{planner}`", text, str(maps), entry.folder.name, entry.authors, releases]
             lines.append((score, cells))
@@ -109,14 +108,16 @@ def make_table(folders: Sequence[Path]) -> str:
     return scores.format_table(["planner", "score", "maps", "entry", "by", "flown by"], [cells for _, cells in lines])
 
 
-def _find_score(rows: Sequence[TrialRow], planner: str) -> tuple[float, str]:
-    """Mean normalised score over all worlds, also as text; NaN if a world is missing."""
+def _find_score(rows: Sequence[TrialRow], planner: str) -> tuple[float, str, int]:
+    """Mean normalised score over all worlds, also as text, and its maps, which all worlds have; NaN without any."""
     rows = [msgspec.structs.replace(row, version="") for row in rows]  # whatever flew them
     groups = group_rows(rows, planner)
     metric = scores.find_shown_metric(scores.STUDY.score.metric)
     found = compute_scores(groups, metric, find_score_ends(rows, scores.STUDY.score))
-    means = [s.mean for s in found if s.planner == planner and s.cell is None]
-    return (means[0].value, f"{means[0].text(SCORE)} %") if means else (math.nan, "not in all worlds")
+    for answer in found:
+        if answer.planner == planner and answer.cell is None:
+            return answer.mean.value, f"{answer.mean.text(SCORE)} %", answer.maps
+    return math.nan, "not in all worlds", 0
 
 
 def _has_view(row: TrialRow) -> bool:

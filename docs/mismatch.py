@@ -48,7 +48,8 @@ def estimate_loss(values: dict[tuple[str, str], dict[int, float]], level: str, p
     """What a level costs a planner beside believing the truth, paired by maps; None without maps of both."""
     one, other = values.get((TRUTH[level], planner), {}), values.get((level, planner), {})
     both = sorted(one.keys() & other.keys())
-    return estimate_means(np.array([[one[seed] - other[seed]] for seed in both]))[0] if both else None
+    gaps = np.array([[one[seed] - other[seed]] for seed in both])
+    return estimate_means(gaps, [METRIC.most - METRIC.least])[0] if both else None
 
 
 def compute_ranks(values: dict[tuple[str, str], dict[int, float]], level: str) -> Array | None:

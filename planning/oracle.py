@@ -137,7 +137,8 @@ class _TruePaths:
 def _hide(belief: PredictedBelief, rows: Flags) -> PredictedBelief:
     """The belief with a cylinder about each point marked in `rows` (H T K,), so that no camera sees the point."""
     places = belief.points.reshape(-1, 3)[rows]
-    cylinders = np.column_stack([places[:, :2], np.tile([1.0, 0.0, TARGET_HEIGHT + 1.0, np.inf], (len(places), 1))])
+    cylinders = np.zeros((len(places), belief.blockers.shape[1]))  # a seventh column has deviations of places
+    cylinders[:, :2], cylinders[:, 2:6] = places[:, :2], (1.0, 0.0, TARGET_HEIGHT + 1.0, np.inf)
     blockers = np.insert(belief.blockers, belief.offsets[1:][rows], cylinders, axis=0)
     return belief._replace(blockers=blockers, offsets=belief.offsets + np.concatenate([[0], np.cumsum(rows)]))
 

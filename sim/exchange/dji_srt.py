@@ -37,6 +37,8 @@ def read_srt(path: Path) -> DroneLog:
         stamp = _read_date(block)
         values = _read_values(block)
         own = [next((n for name, n in values.items() if re.match(key, name)), math.nan) for key in _KEYS]
+        if "-->" in block and len(cues) < 2:
+            continue
         if "-->" in block:
             ends.append(cues[1])
         time = cues[0] if "-->" in block else stamp

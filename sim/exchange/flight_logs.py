@@ -188,14 +188,16 @@ def _make_poses(log: DroneLog, camera: LoggedCamera, geo: Geo, *, since_1970: bo
     heights, above = _find_heights(log, camera.given, geo, where)
     quaternions, looks = _find_attitudes(log, camera, where)
     fixed = np.isfinite(log.places).all(axis=1) & ((log.places != 0).any(axis=1) | (not log.on_map))
-    kept = fixed & np.isfinite(heights) & np.isfinite(quaternions).all(axis=1)
-    kept[np.flatnonzero(kept)[1:]] = np.diff(log.times[kept]) > 0
+    kept = fixed & np.isfinite(heights) & np.isfinite(quaternions).all(axis=1) & np.isfinite(log.times)
+    latest = np.maximum.accumulate(log.times[kept])
+    kept[np.flatnonzero(kept)[1:]] = log.times[kept][1:] > latest[:-1]
     if not kept.any():
         raise InputError(f"{where}: has no place with a time, a height and an attitude")
     times, clock, offset = log.times[kept], "", camera.given.get("pose_offset_s", 0.0)
     told = [f"{where}: {log.format}, {len(times)} poses from {spell(times[0])} to {spell(times[-1])} s", *log.remarks]
     if lost := len(kept) - len(times):
-        told.append(f"{where}: left out: {lost} of {len(kept)} rows, without a place or a time of their own")
+        lacking = "without a place, a height, an attitude or a later time"
+        told.append(f"{where}: left out: {lost} of {len(kept)} rows, {lacking}")
     if since_1970:
         if math.isnan(log.epoch):
             raise InputError(f"{where}: tells no date; count the times of frames from its start")

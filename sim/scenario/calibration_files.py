@@ -83,7 +83,7 @@ def read_calibration(path: Path, name: str) -> dict[str, Any]:
         check_known(f"{where}#", name, cameras)
     try:
         return _read_fields(cameras[name] if name else next(iter(cameras.values())))
-    except ValueError as error:
+    except (ValueError, TypeError, AttributeError) as error:
         raise InputError(f"{where}: {error}") from error
 
 

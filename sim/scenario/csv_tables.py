@@ -86,6 +86,11 @@ class TableRow:
         """A finite number; None if the table lacks the column, or the entry is empty or says that it is missing."""
         return None if self.values.get(column, "").upper() in _MISSING else self.number(column)
 
+    def optional_text(self, column: str) -> str:
+        """An entry; empty if the table lacks the column, or the entry says that it is missing."""
+        found = self.values.get(column, "")
+        return "" if found.upper() in _MISSING else found
+
     def integer(self, column: str) -> int:
         """An integer, 0 or more; InputError if the entry is none."""
         found = self.text(column)
@@ -231,7 +236,8 @@ def _replace(row: TableRow, own: Sequence[str], axes: Sequence[str], values: tup
     """A row with other values, in columns of other names."""
     left = {column: value for column, value in row.values.items() if column not in own}
     names = {axis: row.names.get(column, column) for axis, column in zip(axes, own, strict=True) if axis != column}
-    return replace(row, values={**left, **dict(zip(axes, values, strict=True))}, names={**row.names, **names})
+    kept = {column: name for column, name in row.names.items() if column not in axes}  # which may name another unit
+    return replace(row, values={**left, **dict(zip(axes, values, strict=True))}, names={**kept, **names})
 
 
 def find_map_origin(path: Path, field: str, geo: Geo) -> tuple[float, float] | None:
@@ -245,6 +251,8 @@ def find_map_origin(path: Path, field: str, geo: Geo) -> tuple[float, float] | N
     found = []
     try:
         for row in read_csv(path, field, columns, spares=spares):
+            if not geo.epsg and {"x", "y", *projected} & {*row.values}:
+                return None  # it is read in these metres
             place = [row.optional_number(column) for column in columns]
             if None not in place:
                 found.append(place)

@@ -20,7 +20,7 @@ class Fleet(Struct, frozen=True, forbid_unknown_fields=True):
     """The number of UAVs."""
 
     # number of UAVs: the first of `uavs`, or all of them and copies of them in turn, each of which starts at the place
-    # nearest to its model that is 10 m from all others; by default as many as `uavs` lists
+    # nearest to its model, on a grid of 10 m, that is 10 m from all others; by default as many as `uavs` lists
     size: Annotated[int, Meta(ge=1, le=MOST_UAVS)] | None = None
 
 

@@ -31,7 +31,7 @@ def read_features(text: str, name: str, translate: Callable[[Sequence[str]], lis
     name: what errors begin with. translate: gives columns for names of properties.
     """
     try:
-        features = json.loads(text)["features"]
+        features = list(json.loads(text)["features"])
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{name}: is no FeatureCollection of GeoJSON") from error
     found: list[tuple[dict[str, str], dict[str, str]]] = []

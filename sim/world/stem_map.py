@@ -148,6 +148,8 @@ def _read_rows(path: Path, field: str, geo: Geo) -> tuple[list[TableRow], list[s
     """The rows of a stem map, and a remark on crowns that are polygons."""
     name, doubts = f"{field}: {path}", []
     if path.suffix.lower() in SUFFIXES:
+        if geo.epsg:
+            raise InputError(f"{name}: GeoJSON is read in metres, not with geo.epsg; give a table with x and y")
         text = read_text(path, field, MOST_BYTES)
         rows, differences = read_features(text, name, lambda own: translate_names(own, _ALIASES, _SPARES))
         if differences:
@@ -322,7 +324,7 @@ def _group_stems(places: Array, rows: Sequence[TableRow], known: str, missing: T
         first[ends[1]] = ends[0]
     trees: dict[str, int] = {}  # first stem of each tree by its name
     for k, row in enumerate(rows if known else ()):
-        one = trees.setdefault(row.values[known] or f"row {k}", k)
+        one = trees.setdefault(row.optional_text(known) or f"row {k}", k)
         east, north = (places[k] - places[one]).tolist()
         if k != one and east * east + north * north <= _ONE_TREE * _ONE_TREE:
             ends = sorted(_find_first(first, int(spot.ravel()[n])) for n in (one, k))
@@ -338,7 +340,7 @@ def _group_stems(places: Array, rows: Sequence[TableRow], known: str, missing: T
     if wrong := next((g for g in several if census and len({rows[k].values[census] for k in g}) > 1), None):
         lines = ", ".join(str(rows[k].line) for k in wrong)
         raise InputError(f"{name}: lines {lines} are of one tree in several censuses; keep the rows of one {census}")
-    several = [g for g in several if not known or len({rows[k].values[known] for k in g}) > 1]
+    several = [g for g in several if not known or len({rows[k].optional_text(known) or k for k in g}) > 1]
     if several and missing.same_place == "refuse":
         shown = ["lines " + ", ".join(str(rows[k].line) for k in group) for group in several[:_SHOWN]]
         more = [f"{len(several) - _SHOWN} more places"] * (len(several) > _SHOWN)

@@ -49,7 +49,7 @@ def test_planners_are_ranked_and_one_that_lacks_a_world_comes_last(tmp_path):
     ]
     names, shares = [row[0] for row in rows[2:]], [int(row[1].split()[0]) for row in rows[2:-1]]
     assert shares == sorted(shares, reverse=True) and names.count("`greedy`") == 2
-    assert rows[-1] == ["`random`", "not in all worlds", "50", "mine", "Me", rows[-1][5]]
+    assert rows[-1] == ["`random`", "not in all worlds", "0", "mine", "Me", rows[-1][5]]
     pages = {row.planner for row in scores.trials()}
     assert set(ENTRY.planners) == pages - {"hover", "oracle", "oracle-found"}
 

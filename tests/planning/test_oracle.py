@@ -213,3 +213,11 @@ def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch, without_pi
     assert [row.metrics["sees_truth"] for row in rows] == [1, 0] and "upper bound" in shown
     assert find_baseline(rows, "oracle") == "oracle(evaluations=64), upper bound"
     assert find_baseline(rows, "hover") == "hover" and PLANNERS["oracle"].upper_bound
+
+
+def test_the_oracles_fly_with_maps_that_are_known_to_err():
+    for key in ("believed.tree_deviation=0.5", "believed.trees_unknown=0.2"):
+        for name in ("oracle(evaluations=64)", "oracle-found(evaluations=64)"):
+            mission = Mission(load_scenario("forest", [*SHORT, "duration=2", key]), load_planner(name), 0)
+            list(mission.fly())
+            assert not mission.faults, (key, name, mission.faults)

@@ -160,7 +160,7 @@ def _compute_p_value(values: Array, unseen: float) -> float:
     centre, error, correction = _compute_moments(values)
     least: float = 2.0 ** (1 - max(int(np.count_nonzero(values)), 1))
     if error == 0.0:
-        return least if centre else 1.0
+        return least if abs(centre) > unseen else 1.0
     # The quantile q for which the end of the interval is zero: |centre| = unseen + q error + reach (1 + 2 q²).
     reach = max(-correction if centre > 0 else correction, 0.0)
     room = abs(centre) - unseen - reach

@@ -86,7 +86,7 @@ def find_levels(
         entries: list[tuple[str, Levels, Group, Group | None, Group | None]] = []
         for (others, planner), line in lines.items():
             line.sort(key=lambda group: levels.index(dict(group.cell)[factor]))
-            ranked = _rank([measured[group].mean.value for group in line], metric)
+            ranked = _rank([measured[group] for group in line], metric)
             for k, group in enumerate(line if len(line) > 1 else ()):
                 best = line[ranked[0]] if ranked and ranked[0] != k else None
                 entries.append((planner, others, group, line[k - 1] if k else None, best))
@@ -116,8 +116,10 @@ def find_choices(
     found = []
     for (planner, others), line in lines.items() if halves[1] else ():
         old, new = ([_select_seeds(group, half) for group in line] for half in halves)
-        means = np.array([_measure(group, metric, threshold).mean.value for group in old])
-        ranked = np.flatnonzero(threshold.check(means)).tolist() if threshold else _rank(means, metric)
+        measured = [_measure(group, metric, threshold) for group in old]
+        ranked = _rank(measured, metric)
+        if threshold:
+            ranked = [k for k in sorted(ranked) if threshold.check(np.array(measured[k].mean.value))]
         made = Choice(planner, others, len(line), *halves)
         if ranked and len(line) > 1:
             first, second = ranked[0], None if threshold else next(iter(ranked[1:]), None)
@@ -150,10 +152,13 @@ def _measure(group: Group, metric: Metric, threshold: Threshold | None) -> Measu
     return Measured(len(finite), mean, int(threshold.check(finite).sum()), sure)
 
 
-def _rank(values: Sequence[float] | Array, metric: Metric) -> list[int]:
-    """Indices of finite values from the best to the worst; none if neither direction is better."""
-    sign = {"lower": 1.0, "higher": -1.0, "neither": np.nan}[metric.better]
-    costs = sign * np.asarray(values, dtype=float)
+def _rank(measured: Sequence[Measured], metric: Metric) -> list[int]:
+    """Indices from the best mean to the worst, of those with the most maps; none if neither direction is better.
+
+    One with fewer maps may lack the hard ones.
+    """
+    sign, most = {"lower": 1.0, "higher": -1.0, "neither": np.nan}[metric.better], max(m.maps for m in measured)
+    costs = [sign * m.mean.value if m.maps == most else np.nan for m in measured]
     return [k for k in np.argsort(costs, kind="stable").tolist() if np.isfinite(costs[k])]
 
 

@@ -82,6 +82,29 @@ def test_focal_lengths_are_in_millimetres_tenths_or_hundredths(name, focal, tmp_
     assert find_logs(tmp_path)[0].focal == focal
 
 
+def test_rows_before_an_earlier_one_or_without_a_time_are_left_out(tmp_path):
+    lines = (LOGS / "airdata-metres.csv").read_text().splitlines()
+    folder = write(tmp_path / "flight", "airdata-metres.csv")
+    at = lines[0].split(",").index("time(millisecond)")
+    rows = [line.split(",") for line in lines[1:]]
+    early = [*rows[0][:at], str(float(rows[1][at]) - 1), *rows[0][at + 1 :]]
+    untimed = [*rows[0][:at], "", *rows[0][at + 1 :]]
+    changed = [*rows[:3], early, *rows[3:], untimed]
+    (folder / "airdata-metres.csv").write_text("\n".join([lines[0], *map(",".join, changed)]) + "\n")
+    plain, mended = (poses_of(f) for f in (write(tmp_path / "plain", "airdata-metres.csv"), folder))
+    for one, other in zip(plain[:3], mended[:3], strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_block_cut_within_its_times_is_left_out(tmp_path):
+    text = (LOGS / "mavic3.srt").read_text("utf-8")
+    for name, tail in (("plain", ""), ("cut", "\n\n12\n00:00:11,000 --> 00:0")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "a.srt").write_text(text.rstrip() + tail, "utf-8")
+    plain, cut = (next(iter(find_logs(tmp_path / name).values())) for name in ("plain", "cut"))
+    np.testing.assert_array_equal(plain.places, cut.places)
+
+
 def test_blocks_that_are_broken_or_without_a_fix_are_counted(tmp_path):
     for name, lost in (("mavic2.srt", "1 of 7"), ("mavic-pro.srt", "1 of 6")):
         shutil.copy(LOGS / name, tmp_path / name)

@@ -194,3 +194,9 @@ def test_what_is_no_crown_is_one_line(tmp_path, shape, complaint):
     path.write_text('{"type": "Topology"}')
     with pytest.raises(InputError, match="is no FeatureCollection of GeoJSON"):
         read(path)
+
+
+def test_missing_names_are_no_tree(tmp_path):
+    path = tmp_path / "stems.csv"
+    path.write_text("tag,x,y\nNA,0,0\nNA,1.5,0\n7,20,0\n7,21,0\n,40,0\n-,41,0\n")
+    assert len(read(path).trees) == 5

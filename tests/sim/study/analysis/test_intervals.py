@@ -187,3 +187,9 @@ def test_distributions_are_shares_at_or_below_and_bands_quartiles():
     curves = np.array([[1.0, 4.0, np.nan], [2.0, 8.0, np.nan], [3.0, np.nan, np.nan], [4.0, 6.0, np.nan]])
     expected = [[1.75, 5.0, np.nan], [2.5, 6.0, np.nan], [3.25, 7.0, np.nan]]
     np.testing.assert_array_equal(find_quartiles(curves), expected)
+
+
+def test_equal_differences_that_rare_maps_outweigh_show_nothing():
+    for size, shown in ((0.001, False), (0.02, True)):  # of a share, with 0.008 for maps that ten lack
+        (p_value,) = compute_p_values(np.full((10, 1), size), [1.0])
+        assert (p_value <= 0.05) == shown

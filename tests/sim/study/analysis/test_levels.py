@@ -141,3 +141,14 @@ def test_what_nobody_chooses_divides_the_choices_and_failed_maps_do_not_count():
         ("sma-nbo", "75", "2"),
     ]
     assert [c.after.maps for c in found] == [4, 5, 5, 5] and {len(c.judged_on) for c in found} == {5}
+
+
+def test_one_that_was_not_flown_on_the_hard_maps_is_neither_chosen_nor_the_best():
+    hard = np.where(np.arange(10) < 2, -0.4, 0.0)
+    rows = rows_of({"1": 0.9 + NOISE + hard, "2": 0.93 + NOISE + hard, "3": 0.88 + NOISE + hard})
+    left = [r for r in rows if not (dict(r.factors)["H"] == "3" and r.seed < 2)]
+    (one,) = choices(left, ["H"])
+    assert one.levels == (("H", "2"),)
+    (cheapest,) = choices(left, ["H"], threshold=Threshold(HELD.name, 0.8, True))
+    assert cheapest.levels is None  # without the hard maps the third has 0.88
+    assert [answer.gap is None for answer in levels(left)] == [False, True, False]
