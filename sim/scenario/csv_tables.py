@@ -45,6 +45,12 @@ class TableRow:
     values: Mapping[str, str]  # by column
     names: Mapping[str, str]  # the file's own names of columns that it calls otherwise
     decimal_comma: bool = False  # True if numbers may be written as 1,5
+    on_map: bool = False  # True if its places were given as coordinates, and are metres from `geo.origin`
+
+    def check_origin(self, field: str, origin: tuple[float, float]) -> None:
+        """InputError if a place on the map has another origin, too; field: the key of that."""
+        if self.on_map and tuple(origin) != (0.0, 0.0):
+            raise InputError(f"{self.where}: {field} is not allowed for places on the map; geo.origin is their origin")
 
     def error(self, column: str, what: str) -> InputError:
         """An error about the entry in a column."""
@@ -237,7 +243,7 @@ def _replace(row: TableRow, own: Sequence[str], axes: Sequence[str], values: tup
     left = {column: value for column, value in row.values.items() if column not in own}
     names = {axis: row.names.get(column, column) for axis, column in zip(axes, own, strict=True) if axis != column}
     kept = {column: name for column, name in row.names.items() if column not in axes}  # which may name another unit
-    return replace(row, values={**left, **dict(zip(axes, values, strict=True))}, names={**kept, **names})
+    return replace(row, values={**left, **dict(zip(axes, values, strict=True))}, names={**kept, **names}, on_map=True)
 
 
 def find_map_origin(path: Path, field: str, geo: Geo) -> tuple[float, float] | None:

@@ -180,6 +180,7 @@ def _read_row(row: TableRow, area: Area, people: People) -> tuple[str, float, Ar
 
 def _read_position(row: TableRow, area: Area, people: People) -> Array:
     """Position (2,) m within the area; NaN for one outside that is to be clipped."""
+    row.check_origin("people.origin", people.origin)
     position = np.array([row.number("x"), row.number("y")]) - people.origin
     for column, value, size in zip(("x", "y"), position.tolist(), (area.width, area.height), strict=True):
         if abs(value) > size / 2:

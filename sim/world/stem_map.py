@@ -271,6 +271,7 @@ def _make_tree(row: TableRow, missing: Trees, least: float, units: Mapping[str, 
         raise row.error(
             column, f"the crown begins at {base:g} m and ends at {top:g} m; missing sizes are the scenario's"
         )
+    row.check_origin("trees.origin", missing.origin)
     x, y = (row.number(axis) / _PER_METRE[units[axis] or "m"] - missing.origin[n] for n, axis in enumerate("xy"))
     leaves = row.optional_number("leaf_area_density")
     if leaves is not None and not 0 <= leaves <= MOST_LEAVES:

@@ -281,3 +281,12 @@ def test_run_and_compare_say_once_which_columns_are_not_used(stems, tmp_path, ca
     assert (
         f"trees.file: {path}: 3 trees on 33 × 12 m; {trunks}; crown radii of" in call("run", *settings, "--no-video")[1]
     )
+
+
+def test_another_origin_is_refused_for_stems_in_degrees(tmp_path):
+    path = tmp_path / "stems.csv"
+    path.write_text("lat,lon\n50.0,8.0\n50.0001,8.0001\n")
+    with pytest.raises(InputError, match=r"line 2: trees\.origin is not allowed for places on the map; geo\.origin is"):
+        read_stem_map(path, "trees.file", Trees(origin=(20.0, 0.0)), geo=Geo(origin=(50.0, 8.0)))
+    found = read_stem_map(path, "trees.file", Trees(), geo=Geo(origin=(50.0, 8.0)))
+    assert (found.trees[0].x, found.trees[0].y) == pytest.approx((0.0, 0.0), abs=1e-6)
