@@ -35,7 +35,7 @@ class PredictedBelief(NamedTuple):
     positions: Array  # (n, 3) m: UAVs now
     views: Array  # (n, 5, 3): fields of view at the target's height, see `field_of_view.view_quadrangle`
     quality: Array  # (n, 7): coefficients of each UAV's noise model
-    blockers: Array  # (B, 6): cylinders near each of the points, one after another
+    blockers: Array  # (B, 6 or 7): cylinders near each of the points, one after another
     offsets: Indices  # (H T K + 1,): index of each point's first cylinder
     weights: Array  # (T,): weight of each target in the objective
 
@@ -97,7 +97,7 @@ def _compute_reach(cylinders: Array, points: Array, sights: Array) -> Array:
 
 @compiled
 def _find_cylinders_within(points: Array, cylinders: Array, reach: Array, order: Indices) -> tuple[Indices, Indices]:
-    """Indices of the cylinders (B, 6) within `reach` (B,) m of the points (N, 3) m, and where each point's begin.
+    """Indices of the cylinders (B, 6 or 7) within `reach` (B,) m of the points (N, 3) m, and where each point's begin.
 
     order (B,): the cylinders from west to east.
     """
@@ -178,7 +178,8 @@ def _find_visible_shares(
 ) -> bool:
     """Set `free` (LANES,) to the detectability of a point for cameras (2, LANES) m at a height; True if any sees it.
 
-    view (5, 3): field of view of the cameras, with a pixel's edge; blockers (B, 6): cylinders that may hide the point.
+    view (5, 3): field of view of the cameras, with a pixel's edge; blockers (B, 6 or 7): cylinders that may hide the
+    point.
     """
     east, north, some = cameras[0], cameras[1], 0
     for lane in range(LANES):

@@ -42,6 +42,12 @@ def find_remarks(scenario: Scenario) -> list[str]:
         found.append(f"trees.leaf_area_density: {opaque}")
     if scenario.believed.leaf_area != 1.0 and scenario.trees.leaf_area_density is None and not scenario.trees.file:
         found.append("believed.leaf_area: not used, as crowns are opaque; set trees.leaf_area_density")
+    if (
+        scenario.believed.trees_unknown
+        and scenario.believed.trees_missing == 1.0
+        and not scenario.believed.trees_invented
+    ):
+        found.append("believed.trees_unknown: not used, as it is a share beside known trees, and none is known")
     return (
         found
         + _remark_on_people(scenario.people)

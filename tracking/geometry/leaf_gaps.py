@@ -80,7 +80,7 @@ def lower_detectabilities(
     """Lower shares to the `middle_detectability` of a point for cameras side by side; returns how many become 0.
 
     shares (L,): 0 or 1 of each camera, changed in place; cameras (2, L) m: their places at one height [m]; point (3,)
-    m; cylinders (B, 6) that may hide the point, of which all are tried.
+    m; cylinders (B, 6 or 7) that may hide the point, of which all are tried.
     """
     east, north = cameras[0], cameras[1]
     hidden, porous, errs = 0, False, cylinders.shape[1] > DEVIATION

@@ -136,7 +136,7 @@ def optical_depth(origin: Vector, point: Vector, cylinder: Vector, start: float,
 
 @inlined
 def free_share(origin: Vector, point: Vector, cylinders: Array, grid: Grid, leaves: bool = False) -> float:
-    """Probability that nothing in cylinders (B, 6) is on the segment from origin (3,) to point (3,).
+    """Probability that nothing in cylinders (B, 6 or 7) is on the segment from origin (3,) to point (3,).
 
     The last column is the extinction [1/m]. It is infinite for opaque cylinders, which leave nothing free. Porous ones
     leave exp(-extinction s) of a path of s m, the law of Beer and Lambert.

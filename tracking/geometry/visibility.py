@@ -84,7 +84,7 @@ class Tree:
 class Occluders(NamedTuple):
     """What hides people, for compiled code."""
 
-    cylinders: Array  # (B, 6)
+    cylinders: Array  # (B, 6 or 7)
     grid: Grid
 
 
@@ -135,7 +135,7 @@ class Forest:
 
     @cached_property
     def blockers(self) -> Array:
-        """Cylinders (B, 6) on lines of sight: all solids, or with "disc" one opaque disc for each canopy.
+        """Cylinders (B, 6 or 7) on lines of sight: all solids, or with "disc" one opaque disc for each canopy.
 
         Note: [Li22] hides a target whenever it is inside a circle. A disc is a cylinder whose top and bottom are both
         at the target's height, where every line of sight ends. With a `deviation`, that is a seventh column (B, 7),
@@ -228,7 +228,7 @@ class Forest:
 
     @cached_property
     def _leaves(self) -> tuple[Array, Grid]:
-        """The porous `blockers` (B, 6), and a grid over them."""
+        """The porous `blockers` (B, 6 or 7), and a grid over them."""
         porous = self.blockers[np.isfinite(self.blockers[:, 5])]
         return porous, make_grid(porous)
 
@@ -240,7 +240,7 @@ class Forest:
 
 @compiled
 def _find_free_shares(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> Array:
-    """Free shares (C, N) of segments from cameras (C, 3) to points (N, 3) among cylinders (B, 6)."""
+    """Free shares (C, N) of segments from cameras (C, 3) to points (N, 3) among cylinders (B, 6 or 7)."""
     free = np.empty((len(cameras), len(points)))
     for i in range(len(cameras)):
         camera = cameras[i, 0], cameras[i, 1], cameras[i, 2]
@@ -252,7 +252,7 @@ def _find_free_shares(cameras: Array, points: Array, cylinders: Array, grid: Gri
 
 @compiled
 def _find_detectabilities(lens: Lens, points: Array, cylinders: Array, grid: Grid) -> Array:
-    """Probabilities (N,) that people at points (N, 3) among cylinders (B, 6) show, in or out of the image."""
+    """Probabilities (N,) that people at points (N, 3) among cylinders (B, 6 or 7) show, in or out of the image."""
     out = np.empty(len(points))
     for j in range(len(points)):
         point = points[j, 0], points[j, 1], points[j, 2]
@@ -264,7 +264,7 @@ def _find_detectabilities(lens: Lens, points: Array, cylinders: Array, grid: Gri
 def _find_shown(
     optics: Array, positions: Array, quaternions: Array, points: Array, cylinders: Array, grid: Grid
 ) -> Array:
-    """Probabilities (C, N) that C cameras detect people at points (N, 3) among cylinders (B, 6); 0 out of the image."""
+    """Probabilities (C, N) that C cameras detect people at points (N, 3) among cylinders (B, 6 or 7); 0 out of view."""
     shown = np.zeros((len(optics), len(points)))
     for i in range(len(optics)):
         lens = lens_of(optics[i], positions[i], quaternions[i])

@@ -89,3 +89,10 @@ def test_the_usual_cameras_show_people():
 )
 def test_a_believed_density_of_leaves_needs_leaves(changes, told):
     assert find_remarks(load_scenario("forest", changes)) == told
+
+
+def test_a_share_of_unknown_trees_needs_known_ones():
+    none_known = ["believed.trees_missing=1", "believed.trees_unknown=0.5"]
+    told = "believed.trees_unknown: not used, as it is a share beside known trees, and none is known"
+    assert find_remarks(load_scenario("forest", none_known)) == [told]
+    assert find_remarks(load_scenario("forest", [*none_known, "believed.trees_invented=0.2"])) == []
