@@ -100,7 +100,7 @@ def _number(paths: Iterable[Path]) -> dict[int, Path]:
 def locate(folder: Path, geo: Geo, logs: Mapping[int, DroneLog]) -> tuple[Geo, list[str]]:
     """The map with its origin, by default in the middle of the first file with places on it, and a remark on it."""
     found = [(one.path.name, find_middle(*_find_fixes(one).T)) for one in logs.values() if len(_find_fixes(one))]
-    names = [] if geo.origin or found else ["poses.csv", "trees.csv", "detections.csv", *TRUTHS]
+    names = [] if geo.origin or found else ["poses.csv", "trees.csv", "trees.geojson", "detections.csv", *TRUTHS]
     there = [name for name in names if (folder / name).exists()]
     found += [(name, origin) for name in there if (origin := find_map_origin(folder / name, name, geo))]
     if geo.origin is None and found:

@@ -7,14 +7,14 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from datetime import datetime
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from sim.scenario.geo import LATITUDES, LONGITUDES, NOWHERE_ON_THE_MAP, Geo, read_gpx
-from sim.scenario.quantities import parse_number
+from sim.scenario.map_features import SUFFIXES, find_degrees, list_places, load_features
+from sim.scenario.quantities import ISO_TIME, parse_iso_time, parse_number
 from sim.scenario.text_files import read_text
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
@@ -30,8 +30,6 @@ _OTHER_FORMATS = {  # by the beginnings of their texts
     r"\s*(\{|\[\s*[\[{])": "JSON",
 }
 _GPX = r"\s*<[^>]*>?\s*(<!--.*?-->\s*)*<?gpx\b|\s*<gpx\b"
-# Date and time of day, parts of a second, and the zone, of ISO 8601.
-_TIME = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)([.,]\d+)?\s*(Z|UTC|[+-]\d\d(?::?\d\d)?)?")
 _AXES = (("x", "y"), ("x_m", "y_m"))  # names of columns of places, which latitude and longitude may replace
 _MAP = {name: "latitude" for name in LATITUDES} | {name: "longitude" for name in LONGITUDES}
 
@@ -73,19 +71,15 @@ class TableRow:
 
     def time(self, column: str) -> float:
         """A time [s], or since 1970 of one such as 2024-05-01T10:00:00+02:00, which is of UTC without a zone."""
-        if not (found := _TIME.fullmatch(self.text(column))):
-            return self.number(column)
-        day, clock, part, zone = found.groups()
-        zone = "+00:00" if zone in (None, "Z", "UTC") else f"{zone[:3]}:{zone[-2:] if len(zone) > 3 else '00'}"
         try:
-            whole = datetime.fromisoformat(f"{day} {clock}{zone}").timestamp()
+            found = parse_iso_time(self.text(column))
         except ValueError as error:
-            raise self.error(column, f"{found[0]!r} is no time: {error}") from error
-        return whole + float(f"0.{part[1:]}" if part else 0.0)
+            raise self.error(column, str(error)) from error
+        return self.number(column) if found is None else found
 
     def lacks_zone(self, column: str) -> bool:
         """True for a time of day without a zone."""
-        found = _TIME.fullmatch(self.values.get(column, ""))
+        found = ISO_TIME.fullmatch(self.values.get(column, ""))
         return found is not None and not found[4]
 
     def optional_number(self, column: str) -> float | None:
@@ -247,15 +241,19 @@ def _replace(row: TableRow, own: Sequence[str], axes: Sequence[str], values: tup
 
 
 def find_map_origin(path: Path, field: str, geo: Geo) -> tuple[float, float] | None:
-    """Latitude and longitude [deg] in the middle of the places of a table; None if it has none on the map.
+    """Latitude and longitude [deg] in the middle of the places of a file; None if it has none on the map.
 
-    Wrong tables have none, either: an error tells of them when they are read.
+    Wrong files have none, either: an error tells of them when they are read.
     """
     columns = ("x", "y") if geo.epsg else ("longitude", "latitude")
     projected = {"x_m": "x", "y_m": "y", "easting": "x", "northing": "y", "gx": "x", "gy": "y"}
     spares = projected if geo.epsg else _MAP
     found = []
     try:
+        if path.suffix.lower() in SUFFIXES:
+            features, code = load_features(read_text(path, field, MOST_BYTES), field, geo)
+            places = list_places(features)
+            return find_middle(*find_degrees(places, code)) if code and len(places) else None
         for row in read_csv(path, field, columns, spares=spares):
             if not geo.epsg and {"x", "y", *projected} & {*row.values}:
                 return None  # it is read in these metres

@@ -124,11 +124,12 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
     stay: Annotated[float, Meta(ge=1, le=DAY)] | None = None
     min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
     max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds
-    # CSV file that replaces the walkers, relative to the scenario file, or the name of a packaged one: `"plaza"`
+    # CSV or GPX file that replaces the walkers, relative to the scenario file, or the name of a packaged one: `"plaza"`
     trajectories: str = ""
     # Hz, frames in a second, if the file has the column frame in place of time
     fps: Annotated[float, Meta(gt=0, le=1000)] | None = None
-    start: Annotated[float, Meta(ge=-1e10, le=1e10)] = 0.0  # s, time in the file at which the mission starts
+    # s, time in the file at which the mission starts, or such as `2024-05-01T10:00:00+02:00` if the file has a date
+    start: Annotated[float, Meta(ge=-1e10, le=1e10)] = 0.0
     origin: tuple[Projected, Projected] = (0.0, 0.0)  # m, place in the file that is the centre of the area
     # `"refuse"` rows of the file outside the area, or `"clip"`: people are absent while they are there
     outside: Literal["refuse", "clip"] = "refuse"

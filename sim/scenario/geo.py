@@ -70,7 +70,7 @@ class Geo(Struct, frozen=True, forbid_unknown_fields=True):
 
     def place(self, latitude: float, longitude: float) -> tuple[float, float]:
         """One place [m]; ValueError if it is none, or far from the origin."""
-        swapped = "are latitude and longitude swapped?"
+        swapped = "are latitude and longitude swapped? (the first file gives geo.origin by default)"
         if not abs(latitude) <= 90:
             raise ValueError(f"a latitude of {spell(latitude)} is not allowed, but -90 to 90; {swapped}")
         if self.origin is None:

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Collection, Mapping, Sequence
+from datetime import date, time
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from sim.installation import ASSETS
 from sim.scenario.csv_tables import find_map_origin
 from sim.scenario.environment import STANDS, TRAJECTORIES
 from sim.scenario.overrides import apply_overrides
+from sim.scenario.quantities import parse_iso_time
 from sim.scenario.scenario import Scenario, ScenarioSettings, leave_out_removed_keys
 from sim.scenario.settings_text import format_overrides
 from sim.scenario.text_files import find_toml_file, read_toml
@@ -94,11 +96,26 @@ def decode(data: Mapping[str, Any]) -> Scenario:
     for key in data:
         if key in _ELSEWHERE:
             raise InputError(f"{key}: unknown key; it is not part of a scenario, but {_ELSEWHERE[key]}")
-    settings = read_settings(data, ScenarioSettings)
+    settings = read_settings(_read_start(data), ScenarioSettings)
     try:
         return settings.complete()
     except ValueError as error:
         raise InputError(str(error)) from error
+
+
+def _read_start(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The data with seconds since 1970 as `people.start`, if that is a time such as 2024-05-01T10:00:00+02:00."""
+    people = data.get("people")
+    start = people.get("start") if isinstance(people, Mapping) else None
+    if not isinstance(people, Mapping) or not isinstance(start, str | date | time):
+        return data
+    try:
+        seconds = parse_iso_time(str(start))
+    except ValueError as error:
+        raise InputError(f"people.start: {error}") from error
+    if seconds is None:
+        raise InputError(f"people.start: {start} is not allowed; expected seconds, or such as 2024-05-01T10:00:00Z")
+    return {**data, "people": {**people, "start": seconds}}
 
 
 def decode_recorded(text: str) -> Scenario:
@@ -136,7 +153,7 @@ def _anchor(scenario: Scenario, folder: Path, changed: Collection[str] = ()) -> 
         path = os.path.abspath(Path() / name if here else folder / name)
         if not path.endswith(".csv") and not os.path.lexists(path):
             hint = did_you_mean(name, packaged)
-            raise InputError(f"{table}.{key}: {name!r} is unknown; {hint} (or a .csv file)")
+            raise InputError(f"{table}.{key}: {name!r} is unknown; {hint} (or a file such as .csv)")
         scenario = msgspec.structs.replace(scenario, **{table: msgspec.structs.replace(settings, **{key: path})})
         if scenario.geo.origin is None and (origin := find_map_origin(Path(path), f"{table}.{key}", scenario.geo)):
             geo = msgspec.structs.replace(scenario.geo, origin=origin)

@@ -1,7 +1,8 @@
-"""Quantities: bounded types of the numbers in a scenario, and parsing of durations, intervals and integers."""
+"""Quantities: bounded types of the numbers in a scenario, and parsing of times, intervals and integers."""
 
 import math
 import re
+from datetime import datetime, timezone
 from typing import Annotated
 
 from msgspec import Meta
@@ -23,6 +24,9 @@ MOST_LISTED = 100_000
 REPEATS = 10_000  # largest number of repeats of one map
 WORKERS = 1024  # largest number of processes of one study
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", flags=re.ASCII)
+# Date and time of day, parts of a second, and the zone, of ISO 8601.
+ISO_TIME = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)([.,]\d+)?\s*(Z|UTC|[+-]\d\d(?::?\d\d)?)?")
+_DATED = 1e9  # s since 1970, in 2001; smaller times are of no clock
 _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 
@@ -55,6 +59,30 @@ def parse_duration(text: str, field: str, most: float = 366 * DAY) -> float:
     if not 0 < value <= most:
         raise InputError(f"{field}: {text!r} is not allowed; expected more than 0 s, at most {most:.0f} s")
     return value
+
+
+def parse_iso_time(text: str) -> float | None:
+    """Seconds since 1970 of a time such as 2024-05-01T10:00:00+02:00, which is of UTC without a zone; else None.
+
+    ValueError for a day or hour that does not exist.
+    """
+    if not (found := ISO_TIME.fullmatch(text)):
+        return None
+    day, clock, part, zone = found.groups()
+    zone = "+00:00" if zone in (None, "Z", "UTC") else f"{zone[:3]}:{zone[-2:] if len(zone) > 3 else '00'}"
+    try:
+        whole = datetime.fromisoformat(f"{day} {clock}{zone}").timestamp()
+    except ValueError as error:
+        raise ValueError(f"{text!r} is no time: {error}") from error
+    return whole + float(f"0.{part[1:]}" if part else 0.0)
+
+
+def spell_times(*times: float) -> str:
+    """One or two times [s] in words, as ISO 8601 has them if they are since 1970."""
+    if min(times) < _DATED:
+        return f"{' to '.join(map(spell, times))} s"
+    dated = (datetime.fromtimestamp(round(time), timezone.utc).isoformat() for time in times)
+    return " to ".join(dated).replace("+00:00", "Z")
 
 
 def parse_interval(text: str, field: str) -> tuple[float, float | None]:

@@ -1,6 +1,5 @@
 """Crowns as polygons in GeoJSON files, taken as circles of equal area."""
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -8,12 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim.scenario.csv_tables import TableRow
+from sim.scenario.geo import Geo
+from sim.scenario.map_features import find_degrees, load_features
 from tracking.errors import InputError, spell
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import arctan2
 
-SUFFIXES = (".geojson", ".json")
 OUTLINES = "polygons"  # what radii of polygons come from
 _SMALLEST = 0.01  # m², area of a crown
 
@@ -25,15 +25,12 @@ class Features(NamedTuple):
     differences: list[float]  # area between each polygon and its circle, as a share of the area of either
 
 
-def read_features(text: str, name: str, translate: Callable[[Sequence[str]], list[str]]) -> Features:
+def read_features(text: str, name: str, translate: Callable[[Sequence[str]], list[str]], geo: Geo) -> Features:
     """The trees of a GeoJSON text: points, or centroids of polygons with the radii of circles of equal area.
 
-    name: what errors begin with. translate: gives columns for names of properties.
+    name: what errors begin with. translate: gives columns for names of properties. geo: where the map is.
     """
-    try:
-        features = list(json.loads(text)["features"])
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(f"{name}: is no FeatureCollection of GeoJSON") from error
+    features, code = load_features(text, name, geo)
     found: list[tuple[dict[str, str], dict[str, str]]] = []
     differences: list[float] = []
     for n, feature in enumerate(features, 1):
@@ -43,7 +40,7 @@ def read_features(text: str, name: str, translate: Callable[[Sequence[str]], lis
             columns = translate(list(own))
             values = {key: _write(entry) for key, entry in zip(columns, own.values(), strict=True)}
             names = {key: given for key, given in zip(columns, own, strict=True) if key not in (given, "x", "y")}
-            place = _find_place(shape, where)
+            place = _find_place(shape, where, geo, code)
         except InputError:
             raise
         except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
@@ -55,7 +52,7 @@ def read_features(text: str, name: str, translate: Callable[[Sequence[str]], lis
         found.append((values, names))
     every = dict.fromkeys(key for values, _ in found for key in values)
     rows = [
-        TableRow(f"{name}, feature {n}", n, {key: values.get(key, "") for key in every}, names)
+        TableRow(f"{name}, feature {n}", n, {key: values.get(key, "") for key in every}, names, on_map=code is not None)
         for n, (values, names) in enumerate(found, 1)
     ]
     return Features(rows, differences)
@@ -72,15 +69,15 @@ def _write(entry: object) -> str:
     return "" if entry is None else str(int(entry) if isinstance(entry, bool) else entry)
 
 
-def _find_place(shape: dict[str, Any], where: str) -> _Place:
+def _find_place(shape: dict[str, Any], where: str, geo: Geo, code: int | None) -> _Place:
     kind, given = shape["type"], shape["coordinates"]
     if kind == "Point":
-        return _Place(float(given[0]), float(given[1]))
+        return _Place(*_find_metres([given], where, geo, code)[0].tolist())
     if kind not in ("Polygon", "MultiPolygon"):
         raise InputError(f"{where}: is a {kind}; expected a Point, Polygon or MultiPolygon")
     # The first ring of a polygon is its outline, anticlockwise here, and the others are holes, clockwise.
     rings = [
-        _orient(np.array([point[:2] for point in ring], dtype=float), hole=k > 0)
+        _orient(_find_metres(ring, where, geo, code), hole=k > 0)
         for polygon in ([given] if kind == "Polygon" else given)
         for k, ring in enumerate(polygon)
     ]
@@ -88,11 +85,23 @@ def _find_place(shape: dict[str, Any], where: str) -> _Place:
     moments = np.sum([_integrate(ring - start) for ring in rings], axis=0)
     area = float(moments[0])
     if not area >= _SMALLEST:  # also if it is no number
-        degrees = "are coordinates in degrees? expected metres, such as eastings and northings"
-        raise InputError(f"{where}: a crown of {spell(area, 2)} m²; {degrees}")
+        raise InputError(f"{where}: a crown of {spell(area, 2)} m²; {_SMALLEST:g} m² or more are allowed")
     centre, radius = start + moments[1:] / area, math.sqrt(area / math.pi)
     common = math.fsum(overlap_circle(ring - centre, radius) for ring in rings)
     return _Place(float(centre[0]), float(centre[1]), radius, 2.0 * (1.0 - common / area))
+
+
+def _find_metres(points: Sequence[Any], where: str, geo: Geo, code: int | None) -> Array:
+    """Places (N, 2) m of points with an EPSG code; None: of metres."""
+    places = np.array([point[:2] for point in points], dtype=float)
+    if code is None:
+        return places
+    latitudes, longitudes = find_degrees(places, code)
+    try:
+        geo.place(float(latitudes[0]), float(longitudes[0]))
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from error
+    return geo.find_metres(latitudes, longitudes)
 
 
 def _orient(ring: Array, *, hole: bool) -> Array:

@@ -10,11 +10,13 @@ import numpy as np
 from sim.scenario.csv_tables import RowErrors, TableRow, read_csv
 from sim.scenario.environment import Area, People
 from sim.scenario.geo import NOWHERE_ON_THE_MAP, Geo
+from sim.scenario.quantities import spell_times
 from sim.scenario.scenario import MOST_WALKED, Scenario
 from sim.world.trajectories import EXACT, SAMPLES_PER_SECOND, Trajectories
 from tracking.errors import InputError, spell
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
+from tracking.settings import DAY
 
 COLUMNS = ("time", "id", "x", "y")
 _FRAMES = ("frame", "id", "x", "y")
@@ -62,10 +64,20 @@ def read_trajectories(
     tracks = [resample(name, person, rows, times, slack=slack) for person, rows in persons.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
-        known = [time for rows in persons.values() for time in rows]
-        span = f"rows are from {spell(min(known))} to {spell(max(known))} s"
-        raise InputError(f"{name}: column time: nobody is there between 0 and {duration:g} s; {span}")
+        raise InputError(f"{name}: column time: {_describe_absence(persons, duration, people)}")
     return Trajectories(times, np.stack(present, axis=1))
+
+
+def _describe_absence(persons: dict[str, dict[float, Array]], duration: float, people: People) -> str:
+    """That nobody is there during a mission, and what to change."""
+    known = [time for rows in persons.values() for time in rows]
+    begin, end = min(known) + people.start, max(known) + people.start
+    told = f"rows are from {spell_times(begin, end)}"
+    if not people.start:
+        first = spell_times(begin).removesuffix(" s")
+        return f"nobody is there between 0 and {duration:g} s; {told}; people.start = {first} begins with them"
+    zones = "; are the time zones right?" if abs(min(known)) < DAY else ""
+    return f"nobody is there from people.start, {spell_times(people.start)}, for {duration:g} s; {told}{zones}"
 
 
 def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
@@ -82,11 +94,11 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
     times = [time for positions in people.values() for time in positions]
     speeds = {person: _compute_mean_speed(rows) for person, rows in people.items()}
     speeds = {person: speed for person, speed in speeds.items() if not math.isnan(speed)}
-    span = f"{name}: {len(people)} people, from {spell(min(times))} to {spell(max(times))} s"
+    span = f"{name}: {len(people)} people, from {spell_times(min(times), max(times))}"
     doubts = []
     if next(_read_table(path, scenario.people, nameless=True, geo=scenario.geo)).lacks_zone("time"):
         doubts.append(f"{name}, column time: has no time zone; times are taken to be of UTC")
-    if _lacks_names(path, scenario.people):
+    if _lacks_names(path, scenario.people, scenario.geo):
         if len(people) > len({*times}):
             count = f"has {len(people)} ids, but {len({*times})} times"
             doubts.append(f"{name}: {count}; if the first column is the id, name the columns in a first line")
@@ -107,16 +119,16 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
     return line, doubts
 
 
-def _read_table(path: Path, people: People, *, nameless: bool, geo: Geo = NOWHERE_ON_THE_MAP) -> Iterator[TableRow]:
+def _read_table(path: Path, people: People, *, nameless: bool, geo: Geo) -> Iterator[TableRow]:
     columns = COLUMNS if people.fps is None else _FRAMES
     field = "people.trajectories"
     return read_csv(path, field, columns, _ALIASES, nameless=nameless, hints=_HINTS, spares=_SPARES, geo=geo)
 
 
-def _lacks_names(path: Path, people: People) -> bool:
+def _lacks_names(path: Path, people: People, geo: Geo) -> bool:
     """True for a file without names of columns."""
     try:
-        next(_read_table(path, people, nameless=False))
+        next(_read_table(path, people, nameless=False, geo=geo))
     except InputError:
         return True
     return False
@@ -151,6 +163,7 @@ def _read_people(path: Path, name: str, area: Area, people: People, geo: Geo) ->
     found: dict[str, dict[float, Array]] = {}
     errors = RowErrors(name)
     for row in _read_table(path, people, nameless=True, geo=geo):
+        row.check_origin("people.origin", people.origin)
         with errors.collect():
             person, time, place = _read_row(row, area, people)
             if time in found.setdefault(person, {}):
@@ -180,14 +193,16 @@ def _read_row(row: TableRow, area: Area, people: People) -> tuple[str, float, Ar
 
 def _read_position(row: TableRow, area: Area, people: People) -> Array:
     """Position (2,) m within the area; NaN for one outside that is to be clipped."""
-    row.check_origin("people.origin", people.origin)
     position = np.array([row.number("x"), row.number("y")]) - people.origin
     for column, value, size in zip(("x", "y"), position.tolist(), (area.width, area.height), strict=True):
         if abs(value) > size / 2:
             if people.outside == "clip":
                 return np.full(2, np.nan)
-            far = "; people.origin is the place in the file of the area's centre" if abs(value) > size else ""
-            raise row.error(column, f"{spell(value)} is outside the area, {-size / 2:g} to {size / 2:g} m{far}")
+            origin = (
+                "geo.origin is the area's" if row.on_map else "people.origin is the place in the file of the area's"
+            )
+            far = f"; {origin} centre" if abs(value) > size else ""
+            raise row.error(column, f"{spell(value, 6)} is outside the area, {-size / 2:g} to {size / 2:g} m{far}")
     return position
 
 

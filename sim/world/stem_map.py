@@ -13,9 +13,10 @@ from scipy.spatial import cKDTree
 from sim.scenario.csv_tables import MOST_BYTES, RowErrors, TableRow, read_csv, translate_names
 from sim.scenario.environment import MOST_LEAVES, STANDS, Trees
 from sim.scenario.geo import NOWHERE_ON_THE_MAP, Geo
+from sim.scenario.map_features import SUFFIXES
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_text
-from sim.world.crown_polygons import OUTLINES, SUFFIXES, read_features
+from sim.world.crown_polygons import OUTLINES, read_features
 from sim.world.forest import CROWN_SHARE, crown_radius
 from sim.world.trajectories import Trajectories
 from tracking.errors import InputError, spell
@@ -74,6 +75,7 @@ _USUAL = {
     "crown radii": (0.2, 12.0, 30.0, "names such as crown_diameter and crown_radius_cm tell diameters and units"),
     "heights": (1.0, 60.0, _TALLEST, "names such as height_ft and height_cm give units"),
 }
+_HIGH, _SLENDER = 10.0, 150  # m, height from which trees are at most so many times as high as thick
 _LARGEST = 200.0  # m, of any size
 _MOST_WOOD = 500.0  # m²/ha, area of trunks; dense forests have a fifth
 _SMALLEST = 1.0  # m, extent of a forest
@@ -128,6 +130,7 @@ def read_stem_map(
     stems: list[Tree] = []
     errors = RowErrors(name)
     for row in rows:
+        row.check_origin("trees.origin", missing.origin)
         with errors.collect():
             stems.append(_make_tree(row, missing, least, units))
     errors.raise_all()
@@ -148,10 +151,8 @@ def _read_rows(path: Path, field: str, geo: Geo) -> tuple[list[TableRow], list[s
     """The rows of a stem map, and a remark on crowns that are polygons."""
     name, doubts = f"{field}: {path}", []
     if path.suffix.lower() in SUFFIXES:
-        if geo.epsg:
-            raise InputError(f"{name}: GeoJSON is read in metres, not with geo.epsg; give a table with x and y")
         text = read_text(path, field, MOST_BYTES)
-        rows, differences = read_features(text, name, lambda own: translate_names(own, _ALIASES, _SPARES))
+        rows, differences = read_features(text, name, lambda own: translate_names(own, _ALIASES, _SPARES), geo)
         if differences:
             usual, most = (f"{100 * share:.0f} %" for share in (np.median(differences), max(differences)))
             circles = "crowns are circles with the areas of their polygons"
@@ -271,7 +272,6 @@ def _make_tree(row: TableRow, missing: Trees, least: float, units: Mapping[str, 
         raise row.error(
             column, f"the crown begins at {base:g} m and ends at {top:g} m; missing sizes are the scenario's"
         )
-    row.check_origin("trees.origin", missing.origin)
     x, y = (row.number(axis) / _PER_METRE[units[axis] or "m"] - missing.origin[n] for n, axis in enumerate("xy"))
     leaves = row.optional_number("leaf_area_density")
     if leaves is not None and not 0 <= leaves <= MOST_LEAVES:
@@ -434,6 +434,7 @@ def _doubt(found: StemMap, rows: Sequence[TableRow], name: str) -> Iterator[str]
         elif columns[-1] == "dbh" and _compute_wood(values, found.places) > _MOST_WOOD:
             wood = spell(_compute_wood(values, found.places), 3)
             yield f"{name}: trunks have {wood} m² in a hectare, but no forest has {_MOST_WOOD:g}; {hint}"
+    yield from _doubt_slender_trees(found, rows, name)
     extent = float(np.ptp(found.places, axis=0).max())
     if len(found.trees) > 2 and extent < _SMALLEST:
         yield f"{name}: all stems are within {spell(extent, 2)} m; {_DEGREES}"
@@ -441,6 +442,16 @@ def _doubt(found: StemMap, rows: Sequence[TableRow], name: str) -> Iterator[str]
         gap = float(np.median(cKDTree(found.places).query(found.places, 2)[0][:, 1]))
         if gap > _SPARSE:
             yield f"{name}: the next stem is {spell(gap, 3)} m away in the median; x_cm and y_cm give units"
+
+
+def _doubt_slender_trees(found: StemMap, rows: Sequence[TableRow], name: str) -> Iterator[str]:
+    """That heights are far too large for the diameters, as in feet."""
+    if "height" not in rows[0].values or not {"trunk_radius", "dbh"} & {*rows[0].values}:
+        return
+    ratios = [tree.canopy_top / tree.trunk_radius / 2 for tree in found.trees if tree.canopy_top > _HIGH]
+    if ratios and np.median(ratios) > _SLENDER:
+        usual = f"{spell(float(np.median(ratios)), 3)} times as high as thick in the median"
+        yield f"{name}: trees are {usual}, but forests have 30 to {_SLENDER}; {_USUAL['heights'][-1]}"
 
 
 def _read_map(trees: Trees, geo: Geo) -> StemMap:
@@ -485,10 +496,13 @@ def _check_places(found: StemMap, scenario: Scenario) -> None:
         return
     k, axis = np.argwhere(outside)[0]
     low, high = found.places.min(axis=0), found.places.max(axis=0)
-    x, y = (low + high) / 2 + scenario.trees.origin
+    key, middle = "trees.origin", (low + high) / 2 + scenario.trees.origin
+    if found.rows[k].on_map:
+        key, middle = "geo.origin", scenario.geo.find_degrees(middle[None])[0].round(6)
     width, height = np.ceil(high - low)
     place = f"{spell(found.places[k, axis])} m from the centre is outside the area, {-half[axis]:g} to {half[axis]:g} m"
-    fit = f"all stems fit into an area of {width:.0f} x {height:.0f} m with trees.origin = [{spell(x)}, {spell(y)}]"
+    centre = ", ".join(map(spell, middle.tolist()))
+    fit = f"all stems fit into an area of {width:.0f} x {height:.0f} m with {key} = [{centre}]"
     raise found.rows[k].error("xy"[axis], f"{place}; {fit}")
 
 

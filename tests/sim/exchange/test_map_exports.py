@@ -32,6 +32,7 @@ def test_a_mission_with_coordinates_and_logs_has_its_tracks_within_the_digits_of
     for name in ("detections", "trees", "truth"):
         assert "latitude,longitude" in (tmp_path / "out" / f"{name}.csv").read_text()
     again = track_flight(read_flight(tmp_path / "out")).recording
+    compare_layers(mission, again, tmp_path)
     assert len(mission.track_ids) > 100
     np.testing.assert_array_equal(again.track_ids, mission.track_ids)
     np.testing.assert_allclose(again.track_means, mission.track_means, atol=1e-4)
@@ -39,6 +40,33 @@ def test_a_mission_with_coordinates_and_logs_has_its_tracks_within_the_digits_of
     taken = mission.frames_taken
     np.testing.assert_allclose(again.believed_cameras[taken][:, :3], mission.believed_cameras[taken][:, :3], atol=3e-4)
     assert again.setting.geo == mission.setting.geo
+
+
+def compare_layers(one, other, folder):
+    """That layers of the tracks of two recordings differ by less than the digits of logs, 0.1 mm or 1e-9 deg."""
+    layers = []
+    for name, recording in (("one", one), ("other", other)):
+        export(recording, "geojson", folder / name)
+        layers.append(json.loads((folder / name / "tracks.geojson").read_text())["features"])
+    assert [feature["properties"] for feature in layers[0]] == [feature["properties"] for feature in layers[1]]
+    places = [[feature["geometry"]["coordinates"] for feature in layer] for layer in layers]
+    for mine, again in zip(*places, strict=True):
+        np.testing.assert_allclose(again, mine, atol=3e-9)
+
+
+def test_stems_as_geojson_in_degrees_give_the_tracks_of_the_mission(mission, tmp_path):
+    export(mission, "csv", tmp_path / "out")
+    (tmp_path / "out" / "trees.csv").unlink()
+    places = mission.setting.geo.find_degrees(mission.trees[:, :2])[:, ::-1].tolist()
+    names = ("crown_radius", "crown_base", "height", "trunk_radius")
+    features = [
+        {"geometry": {"type": "Point", "coordinates": place}, "properties": dict(zip(names, row, strict=True))}
+        for place, row in zip(places, mission.trees[:, 2:6].tolist(), strict=True)
+    ]
+    (tmp_path / "out" / "trees.geojson").write_text(json.dumps({"features": features}))
+    flight = read_flight(tmp_path / "out")
+    np.testing.assert_allclose(flight.forest.table[:, :6], mission.trees[:, :6], atol=2e-6)
+    np.testing.assert_allclose(track_flight(flight).recording.track_means, mission.track_means, atol=1e-4)
 
 
 def test_layers_have_tracks_people_uavs_and_losses_where_the_recording_has_them(mission, tmp_path):

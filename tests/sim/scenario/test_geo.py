@@ -1,6 +1,7 @@
 """Places on the map against pyproj, and in the files of missions."""
 
 import json
+import re
 from datetime import datetime
 from pathlib import Path
 
@@ -88,6 +89,32 @@ def test_people_of_a_gpx_file_walk_where_it_says(tmp_path):
     told = find_scenario_remarks(scenario).files
     assert "geo.origin: places are metres to the east and north of 50.000065, -7.999985 (WGS 84)" in told
     assert decode_recorded(encode_scenario(scenario)).geo == scenario.geo
+
+
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        ("2024-05-01T12:00:04+02:00", ""),
+        ("2024-05-01 10:00:04", ""),
+        (
+            "2024-05-01T12:00:04",
+            "from people.start, 2024-05-01T12:00:04Z, for 3 s; rows are from 2024-05-01T10:00:04Z to ",
+        ),
+        ("0", "rows are from 2024-05-01T10:00:04Z to 2024-05-01T10:00:07Z; people.start = 2024-05-01T10:00:04Z begins"),
+        ("10:00:04", "people.start: 10:00:04 is not allowed; expected seconds, or such as 2024-05-01T10:00:00Z"),
+        ("2024-13-01T10:00:04", "people.start: '2024-13-01T10:00:04' is no time: month must be in 1..12"),
+    ],
+)
+def test_the_start_may_be_a_time_of_day_and_another_zone_is_asked_for(start, said):
+    def load():
+        scenario = load_scenario("forest", [f'people.trajectories="{PEOPLE}"', f"people.start={start}", "duration=3"])
+        return scenario, make_forest_and_people(scenario, 0)
+
+    if said:
+        with pytest.raises(InputError, match=re.escape(said)):
+            load()
+    else:
+        assert load()[0].people.start == 1714557604
 
 
 def test_the_first_file_on_the_map_gives_the_origin_for_all(tmp_path):

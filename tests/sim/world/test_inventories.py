@@ -3,12 +3,15 @@
 import json
 import math
 import re
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sim.scenario.csv_tables import find_map_origin
 from sim.scenario.environment import Trees
+from sim.scenario.geo import Geo
 from sim.world.crown_polygons import overlap_circle
 from sim.world.forest import crown_radius
 from sim.world.stem_map import read_stem_map
@@ -173,6 +176,48 @@ def test_points_have_the_sizes_of_their_properties():
     assert found.trees[1] == Tree(14.5, 6.75, pytest.approx(crown_of(11.0, 18.0)), 5.5, 11.0, 0.09)
 
 
+def move_crowns(place, crs):
+    """The text of `crowns.geojson` with places of another kind."""
+
+    def walk(part):
+        return [walk(inner) for inner in part] if isinstance(part[0], list) else place(*part)
+
+    data = json.loads((DATA / "crowns.geojson").read_text())
+    for feature in data["features"]:
+        feature["geometry"]["coordinates"] = walk(feature["geometry"]["coordinates"])
+    return json.dumps(data | {"crs": crs})
+
+
+def test_crowns_on_the_map_stand_at_the_origin_of_all_files_with_the_sizes_of_those_in_metres(tmp_path):
+    geo = Geo(origin=(48.75, 9.0))
+
+    def place(x, y):
+        return geo.find_degrees(np.array([[x - ORIGIN[0], y - ORIGIN[1]]]))[0, ::-1].tolist()
+
+    expected = read("crowns.geojson", origin=ORIGIN).trees
+    for crs in (None, {"properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}):
+        (tmp_path / "a.geojson").write_text(move_crowns(place, crs))
+        found = read_stem_map(tmp_path / "a.geojson", "trees.file", Trees(), geo=geo).trees
+        np.testing.assert_allclose([astuple(t) for t in found], [astuple(t) for t in expected], atol=1e-5)
+        middle = find_map_origin(tmp_path / "a.geojson", "trees.file", Geo())
+        np.testing.assert_allclose(geo.find_metres(*np.array([middle]).T), [[12, 8]], atol=0.1)
+    with pytest.raises(InputError, match=r"feature 1: trees\.origin is not allowed for places on the map"):
+        read_stem_map(tmp_path / "a.geojson", "trees.file", Trees(origin=ORIGIN), geo=geo)
+    with pytest.raises(InputError, match=r"feature 1: 48\.7.* is 27.* km from geo\.origin, 49, 9; 9 km are allowed"):
+        read_stem_map(tmp_path / "a.geojson", "trees.file", Trees(), geo=Geo(origin=(49.0, 9.0)))
+
+
+def test_projected_crowns_are_on_the_map_if_the_mission_is():
+    pyproj = pytest.importorskip("pyproj")
+    longitude, latitude = pyproj.Transformer.from_crs(25832, 4326, always_xy=True).transform(*ORIGIN)
+    expected = read("crowns.geojson", origin=ORIGIN).trees
+    for geo in (Geo(origin=(latitude, longitude)), Geo(origin=(latitude, longitude), epsg=25832)):
+        found = read_stem_map(DATA / "crowns.geojson", "trees.file", Trees(), geo=geo).trees
+        np.testing.assert_allclose(
+            [astuple(t) for t in found], [astuple(t) for t in expected], atol=0.02
+        )  # 0.04 % between metres on the ground and of the zone
+
+
 @pytest.mark.parametrize(
     ("shape", "complaint"),
     [
@@ -180,9 +225,10 @@ def test_points_have_the_sizes_of_their_properties():
         ({"type": "Polygon", "coordinates": [[[0, 0], ["a", 1]]]}, "feature 1: is no point or polygon of numbers"),
         (None, "feature 1: is no point or polygon of numbers with properties"),
         (
-            {"type": "Polygon", "coordinates": [[[11, 48], [11.00005, 48], [11.00005, 48.00004], [11, 48.00004]]]},
-            "m²; are coordinates in degrees? expected metres, such as eastings",
+            {"type": "Polygon", "coordinates": [[[11, 48], [31, 48], [11, 48]]]},
+            "feature 1: a crown of 0 m²; 0.01 m² or",
         ),
+        ({"type": "Point", "coordinates": [11, 48]}, "feature 1: is a place on the map; geo.origin = [latitude, long"),
     ],
 )
 def test_what_is_no_crown_is_one_line(tmp_path, shape, complaint):
