@@ -133,7 +133,8 @@ def adapt_study(
         seeds: Seeds in the form of --seeds.
         repeats: Number of flights on each map.
         overrides: Settings as "key=value".
-        vary: Levels of further factors by key: of a setting, or `planner.option`, or `scenario` in place of its own.
+        vary: Levels by key: of a setting, or `planner.option`, or `scenario`. They take the place of those of a factor
+            that varies this key alone, or are a further factor.
 
     Raises:
         InputError: If a factor sets the key of an override or of another factor, or the study lacks a scenario.
@@ -143,22 +144,30 @@ def adapt_study(
     levels = dict(vary)
     worlds = tuple(map(str, levels.pop("scenario", ())))
     added = dict(map(split_override, overrides))
-    for option, keys in (("--set", added), ("--vary", levels)):
+    own = {factor: key for key, factor in product(levels, study.factors) if _list_keys(study, factor) == {key}}
+    for option, keys in (("--set", added), ("--vary", {*levels} - {*own.values()})):
         for key, factor in product(keys, study.factors):
-            if any(overlap(key, other) for level in study.factors[factor].values() for other in flatten(level)):
+            if any(overlap(key, other) for other in _list_keys(study, factor)):
                 raise InputError(f"{option}: {key} is what factor {factor!r} of study {study.name} varies")
     for key, other in product(added, levels):
         if overlap(key, other):
             raise InputError(f"--set: {key} is what --vary {other} varies")
+    names = {key: factor for factor, key in own.items()}
+    factors = {names.get(key, key): _make_levels(key, values) for key, values in levels.items()}
     return msgspec.structs.replace(
         study,
         planners=tuple(dict.fromkeys(planners)) or study.planners,
         scenarios=tuple(dict.fromkeys(worlds or scenarios)) or study.scenarios,
-        factors={**study.factors, **{key: _make_levels(key, values) for key, values in levels.items()}},
+        factors={**study.factors, **factors},
         seeds=study.seeds if seeds is None else seeds,
         repeats=study.repeats if repeats is None else repeats,
         given={**study.given, **added},
     )
+
+
+def _list_keys(study: Study, factor: str) -> set[str]:
+    """Dotted keys that a factor's levels set."""
+    return {key for level in study.factors[factor].values() for key in flatten(level)}
 
 
 def _make_levels(key: str, values: Sequence[Any]) -> dict[str, dict[str, Any]]:

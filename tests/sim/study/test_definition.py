@@ -251,6 +251,12 @@ def test_flags_replace_planners_and_seeds_and_set_what_no_factor_varies():
         with pytest.raises(InputError, match=r"^--set: uavs.* is what factor 'navigation' of study mine varies"):
             adapt_study(mine, overrides=[f"{key}=gnss"])
     assert adapt_study(mine, overrides=["uavs.*.alpha=1"]).given == {"uavs.*.alpha": "1"}
+    many = adapt_study(read_study("how-many"), vary={"uavs.*.altitude": [40], "network.loss": [0.5], "fleet.size": [2]})
+    assert {cell.factors for cell in list_cells(many)} == {
+        (("fleet", "2"), ("altitude", "40"), ("network.loss", "0.5"))
+    }
+    with pytest.raises(InputError, match=r"^--vary: fleet is what factor 'fleet' of study how-many varies"):
+        adapt_study(read_study("how-many"), vary={"fleet": [{"size": 2}]})
     study = adapt_study(read_study("faults"), planners=["hover", "hover"], seeds="7", overrides=["duration=1"])
     assert (study.planners, study.seeds, study.given) == (("hover",), "7", {"duration": "1"})
     assert {cell.settings["duration"] for cell in list_cells(study)} == {"1"}
