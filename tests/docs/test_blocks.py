@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from helpers.browser import CHROMIUM, Browser
 from helpers.pages import DOCS, PAGES, ROOT, SHORTER, Shell, blocks, generator, text_of
 from helpers.studies import short, sql, store
 
@@ -17,7 +18,7 @@ from sim.study.definition import read_study
 from sim.study.trial_flight import fly_trial
 from sim.study.trials import list_trials
 
-APART = ("lost-person", "learning", "trained-detector")
+APART = ("lost-person", "learning", "trained-detector", "pilot")
 TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem not in APART]
 # The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
 NAMES = (
@@ -118,21 +119,54 @@ def test_a_notebook_holds_the_blocks_of_its_page_in_order():
 @pytest.mark.docs
 def test_the_commands_on_a_lost_person_say_what_the_tutorial_shows(shell, tmp_path):
     shutil.copytree(DOCS / "examples" / "grove", tmp_path / "docs" / "examples" / "grove")
-    told, quoted = [], 0
+    quoted = 0
     for language, content in blocks(text_of("tutorials/lost-person")):
         if language == "text":
             for line in content.splitlines():
-                assert line in told, line
+                assert line in shell.told, line
                 quoted += 1
             continue
         for command in content.splitlines():
-            out = shell.line(command, *(["--duration", "1"] if " run " in command else []))
-            told += [line.rstrip() for line in out.splitlines()]
+            shell.line(command, *(["--duration", "1"] if " run " in command else []))
     assert quoted > 15
     made = {path.name for path in (tmp_path / "runs").iterdir()}
     pictures = {"timeline.png", "person1.png", "lost.png", "before.png", "frames", "plan.png", "regained.mp4"}
     assert made == {"grove", "grove-oracle", *pictures}
     assert len(list((tmp_path / "runs" / "frames").iterdir())) == 10
+
+
+@pytest.mark.docs
+def test_a_pilots_files_become_a_film_one_sheet_and_an_answer_and_mistakes_say_what_to_change(shell, tmp_path):
+    page = text_of("tutorials/pilot")
+    shell.execute(page, "pilot.md", {**SHORTER, "run": ["--duration", "2"]})
+    quoted = [line for language, content in blocks(page) if language == "text" for line in content.splitlines()]
+    assert len(quoted) == 3 and {*quoted} <= {line.replace(f"{tmp_path}/", "") for line in shell.told}
+    assert any(re.search(r"cheapest of 6 with|none of 6 combinations", line) for line in shell.told)
+    assert (tmp_path / "runs" / "search" / "mission.mp4").stat().st_size > 10_000
+    if CHROMIUM:
+        with Browser(tmp_path / "profile") as browser:
+            browser.open(tmp_path / "runs" / "search" / "mission.html")
+            assert browser.print() == 1
+    toml, stems, people = ((tmp_path / name).read_text() for name in ("search.toml", "stems.csv", "people.gpx"))
+    wrong = {
+        "are latitude and longitude swapped": (re.sub(r"(49\.\d+),(8\.\d+)", r"\2,\1", stems), "stems.csv"),
+        "files of a mission or flight have one origin": (people.replace("49.0", "49.1"), "people.gpx"),
+        "are the time zones right?": (toml.replace("+02:00", ""), "search.toml"),
+        "times as high as thick": (
+            re.sub(r"\d+\.\d+$", lambda h: f"{float(h[0]) / 0.3048}", stems, flags=re.M),
+            "stems.csv",
+        ),
+        "is outside the area": (toml.replace("100", "60"), "search.toml"),
+        "the tallest crown reaches": (toml.replace("40", "15"), "search.toml"),
+        "stands where person": (f"{stems}99,oak,49.041002,8.456779,30,15\n", "stems.csv"),
+    }
+    listed = page.partition("| the line says |")[2]
+    for said, (text, name) in wrong.items():
+        for file, content in (("search.toml", toml), ("stems.csv", stems), ("people.gpx", people), (name, text)):
+            (tmp_path / file).write_text(content)
+        _, _, err = shell.call("run", "search.toml", "--duration", "1", "--set", "sensing.mode=ideal", "--no-video")
+        assert said in err and f"{said}`" in listed, err
+    assert listed.count("\n|") == 1 + len(wrong)
 
 
 def test_the_recording_of_the_lost_person_is_of_its_scenario():

@@ -51,6 +51,7 @@ class Shell:
 
     def __init__(self, folder, monkeypatch, capsys):
         self.folder, self._monkeypatch, self._capsys = folder, monkeypatch, capsys
+        self.told = []  # lines of output of the commands
         monkeypatch.chdir(folder)
         monkeypatch.delenv("DISPLAY", raising=False)
         monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
@@ -68,6 +69,7 @@ class Shell:
             del words[at : at + 1 + (name != "--no-video")]
         code, out, err = self.call(*words, *options)
         assert (program, code) == ("understory", 2 * ("--gui" in words)), (text, err)
+        self.told += [line.rstrip() for line in out.splitlines()]
         return out
 
     def execute(self, markdown, name, shorter=SHORTER):

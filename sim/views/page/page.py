@@ -170,7 +170,8 @@ def _list_facts(recording: Recording) -> Iterable[tuple[str, str]]:
     yield "people", str(recording.person_count) if recording.labelled else "unknown"
     limited = scenario.sensing.field_of_view == "camera"
     views = f"views of {_format_span(uav.footprint for uav in scenario.uavs)}" if limited else "unlimited views"
-    yield "UAVs", f"{len(scenario.uavs)}, {views}"
+    heights = _format_span(uav.altitude for uav in scenario.uavs)
+    yield "UAVs", f"{len(scenario.uavs)}, {heights} up, {views}"
     yield "sensing", scenario.sensing.mode
     loss = f", loss {100 * scenario.network.loss:g} %" if scenario.network.loss else ""
     tracker = scenario.tracking.tracker
@@ -179,6 +180,8 @@ def _list_facts(recording: Recording) -> Iterable[tuple[str, str]]:
     for name in ("network.bytes_per_scan_mean", "network.age_s") if scenario.network.takes_time else ():
         yield METRICS[name].label, METRICS[name].with_unit(METRICS[name](outcome))
     yield "initial tracks", scenario.tracking.initial_tracks
+    if origin := scenario.geo.origin:
+        yield "origin", ", ".join(spell(part, 9) for part in origin)
     yield "page by", f"understory {version('understory')}"
 
 
