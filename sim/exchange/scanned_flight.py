@@ -35,6 +35,11 @@ _NEAR = 0.49  # periods, up to which a person is there before the first time and
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
 _GAP = 1.5  # usual times from one frame or pose to the next, beyond which some are missing
 _FOOT, _ALIKE = 0.3048, 0.15  # m, and the share by which it is told
+# Where detections have no place, on flat ground and on other.
+_LOST = (
+    "above the horizon, or where a lens shows nothing",
+    "above the horizon or beyond ground.file, or out of the lens",
+)
 _SEEN = 0.8  # of the time of poses, for which frames are expected
 
 
@@ -205,7 +210,7 @@ def _place_on_scans(
             every, unseen = every + len(seen), unseen + int((~seen).sum())
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i], uav.camera.axes)
     if lost and not any(len(found.scan.measurements) for found in observed.values()):
-        away = f"all {lost} are above the horizon, or where a lens shows nothing"
+        away = f"all {lost} are {_LOST[flight.ground.surface is not None]}"
         axes = "x right, y up and z back, away from the scene"
         raise InputError(f"detections: {away}; pitch_deg is -90 straight down, and quaternions turn a camera's {axes}")
     remarks = [*flight.remarks, *remarks, *_remark(flight, setting, rounded, lost)]
@@ -304,7 +309,7 @@ def _remark(flight: LoggedFlight, setting: Scenario, rounded: float, lost: int) 
     if rounded > EXACT / rate:
         yield f"time_s: frames are at scans of {rate} Hz, {1000 * rounded:.0f} ms or less from their own times"
     if lost:
-        yield f"detections: left out: {lost} above the horizon, or where a lens shows nothing"
+        yield f"detections: left out: {lost} {_LOST[flight.ground.surface is not None]}"
     yield from tell_doubts(doubt for i, uav in enumerate(flight.uavs) for doubt in _doubt_times(uav, i, setting))
 
 
