@@ -34,6 +34,7 @@ from sim.scenario.scenario import leave_out_removed_keys
 from sim.scenario.settings_text import format_toml
 from sim.scenario.uavs import Uav, measure_angle
 from sim.world.stem_map import TREE_COLUMNS
+from sim.world.terrain import UNKNOWN_GROUND, Terrain
 from tracking.errors import InputError, spell
 from tracking.geometry.camera import Camera
 from tracking.settings import read_settings
@@ -73,24 +74,25 @@ _WHOLE = 0.5  # largest error of a number that was rounded to a whole one
 Cells = Sequence[float | int | str]  # of a row
 
 
-def read_poses(path: Path, geo: Geo = NOWHERE_ON_THE_MAP) -> dict[int, PoseLog]:
+def read_poses(path: Path, geo: Geo = NOWHERE_ON_THE_MAP, ground: Terrain = UNKNOWN_GROUND) -> dict[int, PoseLog]:
     """Poses of the camera of each UAV, from a CSV file with the columns `POSE_COLUMNS`.
 
     In place of the quaternion, yaw_deg, pitch_deg and roll_deg are those of a gimbal: yaw clockwise from north, pitch
     -90 straight down. Without both, cameras look straight down, with north at the top of the image. Without the column
     uav all rows are of UAV 0. Equal rows count once. In place of z_m there may be altitude_m, above the sea, and both
-    may be in feet. geo: where the map is. InputError names file, line and column of a wrong entry.
+    may be in feet. geo: where the map is. ground: from which altitudes count. InputError names file, line and column
+    of a wrong entry.
     """
     first = next(read_csv(path, "poses", (), spares=KNOWN["poses"], geo=geo), None)
     height = next((name for name in _HEIGHTS if first and name in first.values), "z_m")
-    if height.startswith("altitude") and geo.ground is None:
-        raise InputError(f"poses: {path}, column {height}: is above the sea; --set geo.ground=G gives the ground [m]")
-    level = geo.ground or 0.0 if height.startswith("altitude") else 0.0
+    if height.startswith("altitude") and not ground.is_known:
+        asked = "--set geo.ground=G gives the ground [m], or ground.file"
+        raise InputError(f"poses: {path}, column {height}: is above the sea; {asked}")
     found: defaultdict[int, dict[float, list[float]]] = defaultdict(dict)
     lines: dict[tuple[int, float], int] = {}
     for row in read_csv(path, "poses", ("time_s", *_PLACE, height), spares=KNOWN["poses"], geo=geo):
         uav, time = read_uav(row), row.time("time_s")
-        z = row.number(height) * _HEIGHTS[height] - level
+        z = row.number(height) * _HEIGHTS[height]
         pose = [row.number("x_m"), row.number("y_m"), z, *_read_attitude(row)]
         if (uav, time) in lines and found[uav][time] != pose:
             twice = f"UAV {uav} has another pose at {spell(time)} s in line {lines[uav, time]}"
@@ -100,7 +102,10 @@ def read_poses(path: Path, geo: Geo = NOWHERE_ON_THE_MAP) -> dict[int, PoseLog]:
     if not found:
         raise InputError(f"poses: {path}: holds no pose")
     ordered = {uav: sorted(poses.items()) for uav, poses in sorted(found.items())}
-    return {uav: PoseLog(*map(np.array, zip(*rows, strict=True))) for uav, rows in ordered.items()}
+    logs = {uav: PoseLog(*map(np.array, zip(*rows, strict=True))) for uav, rows in ordered.items()}
+    for uav, log in logs.items() if height.startswith("altitude") else ():
+        log.rows[:, 2] -= ground.find_heights(log.rows[:, :2], f"UAV {uav}")
+    return logs
 
 
 def has_quaternions(path: Path) -> bool:

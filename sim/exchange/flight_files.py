@@ -18,7 +18,9 @@ from sim.exchange.values import CameraFrames, LoggedCamera, LoggedFlight, Logged
 from sim.scenario.csv_tables import read_csv
 from sim.scenario.environment import Trees
 from sim.scenario.geo import FARTHEST, Geo
+from sim.scenario.scenario import Scenario
 from sim.world.stem_map import StemMap, read_stem_map
+from sim.world.terrain import Terrain, read_terrain
 from tracking.errors import InputError, list_numbers, spell
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
@@ -55,22 +57,24 @@ _FORMATS: dict[str, _Read] = {
 
 
 def read_files(
-    folder: Path, origin: tuple[float, float], geo: Geo, detector: str, selection: Selection, trees: Trees
+    folder: Path, origin: tuple[float, float], own: Scenario, detector: str, selection: Selection
 ) -> LoggedFlight:
     """The files of a flight in a folder, whose places have this `origin` [m]; InputError says what to change.
 
-    geo: where the map is, if files have places on it. detector: name of what finds people if the flight has images in
-    place of detections. selection: of people among detections. trees: how to read the stem map.
+    own: where the map and the ground are, and how to read the stem map. detector: name of what finds people if the
+    flight has images in place of detections. selection: of people among detections.
     """
     if not folder.is_dir() and find_bag(folder) is None:
         expected = "expected one with poses.csv and detections.csv, or a bag of ROS 2"
         raise InputError(f"FLIGHT: {folder} is not a folder; {expected}")
     read, unused = _choose_format(folder)
-    (cameras, poses, seen, told, epoch, longer), geo = _read_parts(folder, geo, detected=read is not None)
+    (cameras, poses, seen, told, epoch, longer), geo, ground = _read_parts(folder, own, detected=read is not None)
     if geo.origin and origin != (0.0, 0.0):
         raise InputError("--origin: not allowed for places on the map; --set geo.origin=[latitude,longitude] is theirs")
     known = {i: LoggedUav(cameras[i], poses[i], []) for i in cameras if i in poses}
-    found = seen or (read or _FORMATS["detections.csv"])(folder, known, detector, trees, geo)
+    found = seen or (read or _FORMATS["detections.csv"])(folder, known, detector, own.trees, geo)
+    if ground.surface and read in (_detect_in_images, _detect_in_videos):
+        found = {uav: frames.without_places() for uav, frames in found.items()}
     found, remarks = select_people(found, selection)
     for name, numbers in (("its poses", {*poses}), ("its detections", {*found})):
         if odd := sorted(numbers ^ {*cameras}):
@@ -89,7 +93,7 @@ def read_files(
         frames = [_shift(frame, later, origin) for frame in found[i].frames]
         people = [_shift(frame, later, origin) for frame in found[i].people]
         uavs.append(LoggedUav(camera, moved, frames, people))
-    stems = _read_trees(folder, replace(trees, origin=origin), geo)
+    stems = _read_trees(folder, replace(own.trees, origin=origin), geo)
     remarks = [*told, *remarks, *(remark for own in found.values() for remark in own.remarks)]
     remarks += [*unused, *_tell_spans(uavs)]
     remarks += [*find_doubts(folder, uavs, geo), *filter(None, (stems.summary, *stems.remarks))]
@@ -97,7 +101,7 @@ def read_files(
     if start < YEARS < epoch and _are_since_1970(labels):
         start += epoch  # of the first frame, by the clock of people
         remarks.append(f"truth: times of people are since 1970, when times of frames begin at {spell(epoch)} s")
-    flight = LoggedFlight(uavs, Forest(stems.trees), start, origin, geo, labels, remarks)
+    flight = LoggedFlight(uavs, Forest(stems.trees), start, origin, geo, labels, ground.moved(origin), remarks)
     far = flight.places[np.abs(flight.places).max(axis=1) > FARTHEST]
     if len(far):
         x, y = (np.array(origin) + far[0]).round(-2).tolist()
@@ -106,18 +110,23 @@ def read_files(
     return flight
 
 
-def _read_parts(folder: Path, geo: Geo, *, detected: bool) -> tuple[BagFlight, Geo]:
-    """Cameras and poses, from tables, logs or a bag, which also gives frames unless these are `detected`."""
+def _read_parts(folder: Path, own: Scenario, *, detected: bool) -> tuple[BagFlight, Geo, Terrain]:
+    """Cameras and poses, from tables, logs or a bag, which also gives frames unless these are `detected`; and the map.
+
+    own: as of `read_files`.
+    """
     cameras_file, poses_file, unused = folder / "cameras.csv", folder / "poses.csv", list[str]()
     other = poses_file.exists() or find_bag(folder) is not None
     logs = {} if other else find_logs(folder)
     if other and (names := ", ".join(path.name for path in tell_formats(folder))):
         unused = [f"logs: not used: {names}, as there {'is poses.csv' if poses_file.exists() else 'is a bag'}"]
-    geo, told = locate(folder, geo, logs)
+    geo, told = locate(folder, own.geo, logs)
+    ground, heights = read_terrain(folder, own.ground, geo)
+    told += heights
     if logs:
         given = read_cameras(cameras_file) if cameras_file.exists() else {}
-        found = read_logs(folder, logs, given, geo)
-        return found._replace(remarks=told + found.remarks), geo
+        found = read_logs(folder, logs, given, geo, ground)
+        return found._replace(remarks=told + found.remarks), geo, ground
     there = {"cameras": cameras_file.exists(), "poses": poses_file.exists(), "detections": detected}
     lacking = [part for part, found in there.items() if not found]
     logged = find_bag(folder) if lacking else None
@@ -126,8 +135,8 @@ def _read_parts(folder: Path, geo: Geo, *, detected: bool) -> tuple[BagFlight, G
     if bag.poses or not has_quaternions(poses_file):
         unused += _tell_axes(cameras.values(), "a bag has its own" if bag.poses else "it has none")
         cameras = {i: camera._replace(axes="") for i, camera in cameras.items()}
-    poses = bag.poses or _turn(read_poses(poses_file, geo), cameras)
-    return BagFlight(cameras, poses, bag.frames, [*told, *unused, *bag.remarks]), geo
+    poses = bag.poses or _turn(read_poses(poses_file, geo, ground), cameras)
+    return BagFlight(cameras, poses, bag.frames, [*told, *unused, *bag.remarks]), geo, ground
 
 
 def _choose_format(folder: Path) -> tuple[_Read | None, list[str]]:

@@ -21,6 +21,7 @@ from sim.exchange.values import DroneLog, LoggedCamera, PoseLog, find_attitudes,
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.csv_tables import find_map_origin, find_middle, read_csv
 from sim.scenario.geo import FARTHEST, Geo, tell_origin
+from sim.world.terrain import Terrain
 from tracking.errors import InputError, list_numbers, spell
 from tracking.numerics.arrays import Array
 from tracking.settings import read_settings
@@ -115,7 +116,9 @@ def _find_fixes(log: DroneLog) -> Array:
     return np.asarray(log.places[fixed & log.on_map])
 
 
-def read_logs(folder: Path, logs: Mapping[int, DroneLog], cameras: dict[int, LoggedCamera], geo: Geo) -> BagFlight:
+def read_logs(
+    folder: Path, logs: Mapping[int, DroneLog], cameras: dict[int, LoggedCamera], geo: Geo, ground: Terrain
+) -> BagFlight:
     """Cameras and poses by UAV; `cameras` are empty if there is no `cameras.csv`."""
     told = list[str]()
     sizes = _check_videos(find_videos(folder), logs, cameras)
@@ -126,7 +129,7 @@ def read_logs(folder: Path, logs: Mapping[int, DroneLog], cameras: dict[int, Log
         hint = "a UAV has one log, and uav1.SRT is of UAV 1"
         raise InputError(f"FLIGHT: {folder}: logs are {names}, but no camera of {list_numbers('UAV', odd)}; {hint}")
     since_1970 = _count_since_1970(folder, geo)
-    made = {i: _make_poses(one, cameras[i], geo, since_1970=since_1970) for i, one in logs.items()}
+    made = {i: _make_poses(one, cameras[i], geo, ground, since_1970=since_1970) for i, one in logs.items()}
     told += [remark for _, remarks, _ in made.values() for remark in remarks]
     turned = {i: camera._replace(axes="") for i, camera in cameras.items()}
     epochs = [epoch for *_, epoch in made.values()]
@@ -179,13 +182,15 @@ def _count_since_1970(folder: Path, geo: Geo) -> bool:
     return False
 
 
-def _make_poses(log: DroneLog, camera: LoggedCamera, geo: Geo, *, since_1970: bool) -> tuple[PoseLog, list[str], float]:
+def _make_poses(
+    log: DroneLog, camera: LoggedCamera, geo: Geo, ground: Terrain, *, since_1970: bool
+) -> tuple[PoseLog, list[str], float]:
     """Poses of the camera of a log, remarks on what is taken for granted, and `epoch` as of `BagFlight`.
 
     since_1970: True if the times of frames are. InputError says what the log lacks.
     """
     where = f"log: {log.path}"
-    heights, above = _find_heights(log, camera.given, geo, where)
+    heights, above = _find_heights(log, camera.given, ground, where)
     quaternions, looks = _find_attitudes(log, camera, where)
     fixed = np.isfinite(log.places).all(axis=1) & ((log.places != 0).any(axis=1) | (not log.on_map))
     kept = fixed & np.isfinite(heights) & np.isfinite(quaternions).all(axis=1) & np.isfinite(log.times)
@@ -214,25 +219,31 @@ def _make_poses(log: DroneLog, camera: LoggedCamera, geo: Geo, *, since_1970: bo
             geo.place(*log.places[kept][far.argmax()].tolist())
         except ValueError as error:
             raise InputError(f"{where}: {error}") from error
-    poses = PoseLog(times + offset, np.column_stack([places, heights[kept], quaternions[kept]]))
+    heights = heights[kept]
+    if log.above != "ground" and "height_m" not in camera.given:
+        below = ground.find_heights(places, log.path.name)
+        heights = heights - (below if log.above == "sea" else below - below[0])
+    poses = PoseLog(times + offset, np.column_stack([places, heights, quaternions[kept]]))
     return poses, told, log.epoch - offset
 
 
-def _find_heights(log: DroneLog, given: Mapping[str, float], geo: Geo, where: str) -> tuple[Array, str]:
-    """Heights (N,) m above the ground, and what is taken for granted."""
+def _find_heights(log: DroneLog, given: Mapping[str, float], ground: Terrain, where: str) -> tuple[Array, str]:
+    """Heights (N,) m above what the log counts from, or given ones, and what is taken for granted."""
     if "height_m" in given:
         return np.full(len(log.times), given["height_m"]), ""
     if np.isnan(log.heights).all():
         raise InputError(f"{where}: has no heights; give cameras.csv a column height_m, above the ground")
     if log.above == "start":
-        return log.heights, "heights are above the start, which is taken to be on the level of all ground"
+        level = "on the level of all ground" if ground.surface is None else "on the ground at its first place"
+        return log.heights, f"heights are above the start, which is taken to be {level}"
     if log.above == "ground":
         return log.heights, "heights are taken to be above the ground"
-    if geo.ground is None:
+    if not ground.is_known:
         least, usual = (spell(float(f(log.heights)), 4) for f in (np.nanmin, np.nanmedian))
         asked = f"--set geo.ground=G, of the ground above the sea; they are {usual} m in the median, {least} m at least"
-        raise InputError(f"{where}: has no heights above the start, but above the sea; give {asked}")
-    return log.heights - geo.ground, f"heights are above the sea, and the ground is at {geo.ground:g} m (geo.ground)"
+        raise InputError(f"{where}: has no heights above the start, but above the sea; give {asked}; or ground.file")
+    level = f"the ground is at {ground.height:g} m (geo.ground)" if ground.height is not None else "the ground likewise"
+    return log.heights, f"heights are above the sea, and {level}"
 
 
 def _find_attitudes(log: DroneLog, camera: LoggedCamera, where: str) -> tuple[Array, str]:

@@ -24,7 +24,7 @@ _HIGHEST = 10_000  # m, as of altitudes of UAVs
 _PHYSICS = 240  # Hz, or a multiple of the rate of scans; nothing is simulated
 # Keys of trees that say how to read a stem map.
 _TREES = ("same_place", "status", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius", "leaf_area_density")
-_SIMULATED = ("dynamics", "wind", "appearance", "first_decision")  # keys without a meaning for a flight
+_SIMULATED = ("dynamics", "wind", "appearance", "first_decision", "ground")  # keys without a meaning for a flight
 
 
 def _find_rate(given: Mapping[str, Any], uavs: Sequence[LoggedUav]) -> int:
@@ -108,6 +108,7 @@ def _list_uavs(given: Sequence[Mapping[str, Any]], flight: LoggedFlight) -> Iter
         altitude = float(np.median(uav.poses.rows[:, 2]))
         if not TARGET_HEIGHT < altitude <= _HIGHEST:
             above = f"heights are in metres above the ground below, to {_HIGHEST}, and cameras above people"
+            above += "; is ground.file in metres above the sea, as poses are?" * (flight.ground.surface is not None)
             raise InputError(f"poses: UAV {i}, column z_m: is {spell(altitude, 3)} m in the median; {above}")
         own = given[i] if i < len(given) else {}
         kept = {key: own[key] for key in ("fails_at", "navigation") if key in own}

@@ -22,8 +22,8 @@ from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
 from sim.world.recorded_people import describe_trajectories, read_trajectories, resample
+from sim.world.terrain import Terrain
 from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
-from tracking.detection.detection_errors import whole_covariances
 from tracking.errors import InputError, spell
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
@@ -35,6 +35,11 @@ _NEAR = 0.49  # periods, up to which a person is there before the first time and
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
 _GAP = 1.5  # usual times from one frame or pose to the next, beyond which some are missing
 _FOOT, _ALIKE = 0.3048, 0.15  # m, and the share by which it is told
+# Where detections have no place, on flat ground and on other.
+_LOST = (
+    "above the horizon, or where a lens shows nothing",
+    "above the horizon or beyond ground.file, or out of the lens",
+)
 _SEEN = 0.8  # of the time of poses, for which frames are expected
 
 
@@ -95,8 +100,8 @@ def read_flight(
     of_uavs = [override for override in overrides if override.startswith("uavs")]
     apply_overrides(given, [override for override in overrides if override not in of_uavs])
     selection = Selection(tuple(filter(None, map(str.strip, classes.split(",")))), least_score)
-    own = decode({"trees": pick_tree_keys(given), "geo": given.get("geo", {})})
-    flight = read_files(folder, origin, own.geo, detector, selection, own.trees)
+    own = decode({"trees": pick_tree_keys(given), **{key: given[key] for key in ("geo", "ground") if key in given}})
+    flight = read_files(folder, origin, own, detector, selection)
     _override_uavs(given, of_uavs, len(flight.uavs))
     setting = make_setting(folder, given, flight)
     people = _find_people(flight, setting)
@@ -136,10 +141,10 @@ def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None
             path, WIDEST, duration=setting.duration, people=setting.people, slack=slack, geo=setting.geo
         )
     found: defaultdict[str, dict[int, Array]] = defaultdict(dict)
-    for uav, settings in zip(flight.uavs, setting.uavs, strict=True):
-        poses = uav.poses.at(np.array([frame.time for frame in uav.people]))
+    for i, (uav, settings) in enumerate(zip(flight.uavs, setting.uavs, strict=True)):
+        poses = flight.raised(i).at(np.array([frame.time for frame in uav.people]))
         for frame, pose in zip(uav.people, poses, strict=True):
-            places = _find_places(frame, Pose(pose[:3], pose[3:]), settings.true_camera)
+            places = _find_places(frame, Pose(pose[:3], pose[3:]), settings.true_camera, flight.ground)
             for detection, place in zip(frame.detections, places, strict=True):
                 found[detection.person].setdefault(round(frame.time * rate), place)
     times = np.array(setting.scan_times)
@@ -190,20 +195,22 @@ def _place_on_scans(
         at = np.array([frame.time for frame in taken])
         _check_pose_times(uav.poses, at, i, flight.start)
         _check_pixels(taken, i, uav.camera)
-        for frame, pose in zip(taken, uav.poses.at(at), strict=True):
+        for frame, pose in zip(taken, flight.raised(i).at(at), strict=True):
             k = round(frame.time * rate)
             rounded = max(rounded, abs(frame.time - k / rate))
-            poses[k, i] = pose
             frames[k, i] = True
             placed = frame._replace(time=k / rate)
-            observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
-            measured = observed[k, i].scan.measurements
+            camera = setting.uavs[i].true_camera
+            observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), camera, sigma, flight.ground)
+            scan = observed[k, i].scan
+            poses[k, i] = *scan.pose.position, *scan.pose.quaternion
+            measured = scan.measurements
             lost += len(frame.detections) - len(measured)
-            seen = setting.believed_camera(i).sees(Pose(pose[:3], pose[3:]), at_target_height(measured))
+            seen = setting.believed_camera(i).sees(scan.pose, at_target_height(measured))
             every, unseen = every + len(seen), unseen + int((~seen).sum())
         _check_attitude([found.scan for (_, j), found in observed.items() if j == i], uav.camera.axes)
     if lost and not any(len(found.scan.measurements) for found in observed.values()):
-        away = f"all {lost} are above the horizon, or where a lens shows nothing"
+        away = f"all {lost} are {_LOST[flight.ground.surface is not None]}"
         axes = "x right, y up and z back, away from the scene"
         raise InputError(f"detections: {away}; pitch_deg is -90 straight down, and quaternions turn a camera's {axes}")
     remarks = [*flight.remarks, *remarks, *_remark(flight, setting, rounded, lost)]
@@ -231,29 +238,32 @@ def _check_pose_times(log: PoseLog, times: Array, uav: int, start: float) -> Non
     raise InputError(f"poses: {far}; its poses are from {first} to {last} s; are both in seconds, of one clock?")
 
 
-def _find_places(frame: LoggedFrame, pose: Pose, camera: Camera) -> Array:
-    """Places (N, 2) m of a frame's detections; NaN for pixels above the horizon."""
+def _find_places(frame: LoggedFrame, pose: Pose, camera: Camera, ground: Terrain) -> Array:
+    """Places (N, 2) m of a frame's detections; NaN for pixels above the horizon, or where no ground is known."""
     places = np.array([found.place for found in frame.detections]).reshape(-1, 2)
     pixels = np.array([found.pixel for found in frame.detections]).reshape(-1, 2)
     imaged = np.isnan(places[:, 0])
-    places[imaged] = camera.ground_points(pose, pixels[imaged], TARGET_HEIGHT)
+    places[imaged] = ground.find_places(camera, pose, pixels[imaged])
     return places
 
 
-def _observe(frame: LoggedFrame, uav: int, pose: Pose, camera: Camera, sigma: float) -> Observed:
+def _observe(frame: LoggedFrame, uav: int, pose: Pose, camera: Camera, sigma: float, ground: Terrain) -> Observed:
     """Measurements of a frame at the time of its scan, without those above the horizon, or where a lens shows nothing.
 
-    sigma: as of `read_flight`.
+    pose: raised; that of the scan is level. sigma: as of `read_flight`.
     """
     pixels = np.array([found.pixel for found in frame.detections]).reshape(-1, 2)
     entries = np.array([found.covariance for found in frame.detections]).reshape(-1, 3)
-    places = _find_places(frame, pose, camera)
+    places = _find_places(frame, pose, camera, ground)
     R = entries[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
     own = np.isnan(entries[:, 0])
-    R[own] = whole_covariances(camera.lens(pose), places[own]) + sigma * sigma * np.eye(2)
+    R[own] = ground.find_covariances(camera, pose, places[own])
+    laid = own | np.isnan([found.place[0] for found in frame.detections])
+    R[laid] = ground.lay(pose, places[laid], R[laid])
+    R[own] += sigma * sigma * np.eye(2)
     kept = ~np.isnan(places[:, 0])
     known = pixels[kept] if np.isfinite(pixels[kept]).all() else np.zeros((0, 2))
-    return Observed(Scan(uav, frame.time, pose, places[kept], R[kept]), known)
+    return Observed(Scan(uav, frame.time, ground.level(camera, pose), places[kept], R[kept]), known)
 
 
 def _check_pixels(frames: Sequence[LoggedFrame], uav: int, camera: LoggedCamera) -> None:
@@ -299,7 +309,7 @@ def _remark(flight: LoggedFlight, setting: Scenario, rounded: float, lost: int) 
     if rounded > EXACT / rate:
         yield f"time_s: frames are at scans of {rate} Hz, {1000 * rounded:.0f} ms or less from their own times"
     if lost:
-        yield f"detections: left out: {lost} above the horizon, or where a lens shows nothing"
+        yield f"detections: left out: {lost} {_LOST[flight.ground.surface is not None]}"
     yield from tell_doubts(doubt for i, uav in enumerate(flight.uavs) for doubt in _doubt_times(uav, i, setting))
 
 

@@ -16,6 +16,7 @@ from sim.mission.recording import Recording
 from sim.scenario.camera_settings import CameraSettings, make_camera
 from sim.scenario.geo import Geo
 from sim.scenario.uavs import UavSettings
+from sim.world.terrain import Terrain
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera
 from tracking.geometry.quaternions import interpolate_poses
@@ -135,6 +136,13 @@ class CameraFrames(NamedTuple):
     groups: Mapping[str, Collection[str]] = {}  # names of classes by those of groups, as COCO's supercategories
     remarks: tuple[str, ...] = ()  # on what was read
 
+    def without_places(self) -> "CameraFrames":
+        """The same with pixels alone, and covariances, if ground is not as flat as a detector took it to be."""
+        flat = ([found._replace(place=NOWHERE) for found in frame.detections] for frame in self.frames)
+        return self._replace(
+            frames=[frame._replace(detections=own) for frame, own in zip(self.frames, flat, strict=True)]
+        )
+
 
 class LoggedCamera(NamedTuple):
     """The camera of one UAV."""
@@ -193,7 +201,13 @@ class LoggedFlight:
     origin: tuple[float, float]  # m, place in the files of the origin
     geo: Geo  # where the origin of files is on the map
     labels: Path | None  # file of the people, if they are known
+    ground: Terrain  # heights of poses are above it
     remarks: Sequence[str] = ()  # on what was read
+
+    def raised(self, uav: int) -> PoseLog:
+        """Poses of a UAV with heights above sea level, if the ground has such heights."""
+        log = self.uavs[uav].poses
+        return PoseLog(log.times, self.ground.raise_poses(log.rows, f"UAV {uav}"))
 
     @property
     def places(self) -> Array:

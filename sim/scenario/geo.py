@@ -84,12 +84,26 @@ class Geo(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"{away}, {origin}; {FARTHEST / 1000:g} km are allowed; {hint}")
         return round(float(x), _DIGITS) + 0.0, round(float(y), _DIGITS) + 0.0
 
+    def project(self, latitudes: Array, longitudes: Array, crs: int | str) -> tuple[Array, Array]:
+        """Coordinates x and y (N,) by an EPSG code, or a text of WKT, of places (N,) deg; InputError without pyproj."""
+        x, y = _make_converter(crs).transform(longitudes, latitudes, direction="INVERSE")
+        return np.asarray(x), np.asarray(y)
+
 
 NOWHERE_ON_THE_MAP = Geo()
 
 
+class Ground(Struct, frozen=True, forbid_unknown_fields=True):
+    """Ground that is not flat, of a flight that `understory track` reads."""
+
+    # heights [m] above sea level as an ESRI ASCII grid (`.asc`) or a GeoTIFF (`pip install -e '.[geo]'`), in the
+    # coordinates of the flight's files or on the map; relative to the flight's folder, or to the current one
+    file: str = ""
+    error: Annotated[float, Meta(ge=0, le=100)] = 0.3  # m, standard deviation of these heights
+
+
 @cache
-def _make_converter(epsg: int) -> Any:  # noqa: ANN401 - of pyproj, which may not be there
+def _make_converter(epsg: int | str) -> Any:  # noqa: ANN401 - of pyproj, which may not be there
     """What converts projected coordinates to longitudes and latitudes."""
     try:
         from pyproj import Transformer

@@ -144,6 +144,8 @@ def _anchor(scenario: Scenario, folder: Path, changed: Collection[str] = ()) -> 
 
     Paths are relative to `folder`, or to the current folder if their key or its table is among the `changed` ones.
     """
+    if scenario.ground.file:
+        raise InputError("ground.file: is for flights that `understory track` reads; the ground of missions is flat")
     for table, key, packaged in _FILES:
         settings = getattr(scenario, table)
         name = getattr(settings, key)

@@ -12,7 +12,7 @@ from msgspec import Meta, Struct, field
 from sim.scenario.believed import Believed
 from sim.scenario.environment import APPEARANCES, WALKS, Appearance, Area, People, Trees, Wind
 from sim.scenario.fleet import MOST_UAVS, Fleet, resize
-from sim.scenario.geo import Geo
+from sim.scenario.geo import Geo, Ground
 from sim.scenario.quantities import Path, count_scans, simplify_number
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav, UavSettings
@@ -79,6 +79,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     loss_distance: Annotated[float, Meta(gt=0, le=10)] = 1.0
     area: Area = field(default_factory=Area)
     geo: Geo = Geo()
+    ground: Ground = Ground()
     trees: Trees = field(default_factory=Trees)
     people: People = field(default_factory=People)
     uavs: Annotated[tuple[Uav, ...], Meta(min_length=1, max_length=MOST_UAVS)] = DEFAULT_FLEET  # the fleet, one or more

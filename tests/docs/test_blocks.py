@@ -67,6 +67,14 @@ def test_the_commands_on_replay_run(shell, tmp_path):
 
 
 @pytest.mark.docs
+def test_the_commands_on_flights_run(shell, tmp_path):
+    shell.line("understory run --duration 2 --no-video")
+    shell.execute(text_of("how-to/flights"), "flights.md", {"track": ["--no-video"]})
+    folders = [tmp_path / name / "mission.npz" for name in ("tracked", "tracked-on-a-slope")]
+    assert folders[0].read_bytes() != folders[1].read_bytes()
+
+
+@pytest.mark.docs
 def test_the_trained_detector_stands_the_noise_that_the_default_one_does_not(shell, tmp_path):
     few = {"compare": ["--duration", "4", "--seeds", "100,101"]}
     shell.execute(text_of("tutorials/trained-detector"), "trained-detector.md", few)

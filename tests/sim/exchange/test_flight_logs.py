@@ -76,6 +76,19 @@ def test_subtitles_of_dji_hold_the_flight_in_every_dialect(name, tmp_path):
     assert any(f"above the {above}" in remark for remark in remarks)
 
 
+@pytest.mark.parametrize("name", ["mavic3.srt", "air2s.srt"])
+def test_heights_above_start_or_sea_become_heights_above_rising_ground(name, tmp_path):
+    above, dt, _ = SUBTITLES[name]
+    folder = write(tmp_path / "flight", name, NADIR, dt=dt)
+    rise = 0.05 * np.arange(200.0)  # m, from column to column, to the east
+    head = "ncols 200\nnrows 200\nxllcenter -8.001\nyllcenter 49.999\ncellsize 0.00001\n"
+    (folder / "dem.asc").write_text(head + "\n".join([" ".join(f"{110 + h:.2f}" for h in rise)] * 200))
+    _, heights, _, remarks = poses_of(folder, "ground.file=dem.asc")
+    ground = 110 + 0.05 * (LONGITUDES + 8.001) / 0.00001
+    np.testing.assert_allclose(heights, HEIGHTS + (120 if above == "sea" else ground[0]) - ground, atol=2e-3)
+    assert any(f"heights are above the {above}, " in remark for remark in remarks)
+
+
 @pytest.mark.parametrize(("name", "focal"), [("mavic3.srt", 24.0), ("air2s.srt", 22.4), ("mavic2.srt", 28.0)])
 def test_focal_lengths_are_in_millimetres_tenths_or_hundredths(name, focal, tmp_path):
     shutil.copy(LOGS / name, tmp_path / name)
