@@ -27,7 +27,7 @@ def random_team():
 @pytest.fixture
 def without_pictures(monkeypatch):
     """Figures of runs and reports are made, but not laid out, and their files are empty: a third of a second each."""
-    monkeypatch.setattr("matplotlib.figure.Figure.draw_without_rendering", lambda figure: None)
+    monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda engine, figure: None)
     monkeypatch.setattr("sim.study.report.figures.pictures.encode_figure", lambda figure, kind: b"")
     monkeypatch.setattr("sim.running.pictures.save_figure", lambda figure, path: path.touch())
     monkeypatch.setattr("sim.running.beside.count_cores", lambda: 1)  # so that this process draws

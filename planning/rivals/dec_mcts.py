@@ -100,7 +100,6 @@ class TreeSearch:
         self._others: dict[int, _Distribution] = {}
         for vehicle in situation.neighbours:
             self._expect(vehicle.id, policy_of_intent(situation, vehicle, horizon)[None], np.ones(1))
-        self.controls, self.chances = np.zeros((1, horizon, 2)), np.ones(1)
 
     def advance(self, now: int) -> None:
         """Grow the tree by a round's share of the evaluations, and update the distribution."""

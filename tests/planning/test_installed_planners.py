@@ -132,6 +132,7 @@ REFUSED = {  # besides what tests/sim/cli/test_honest_mistakes.py lists, by the 
     "hoover": ["'hoover' is unknown", "did you mean hover?"],
     "needy": ["'needy' of theirs 1.2, 'needy:Needy', cannot be imported", "needy needs 'torch_that_is_missing'"],
     "fine.py:Fine": ["'fine.py' is not the name of a module; write fine:Fine\n"],
+    "my-lab/fine.py:Fine": ["'my-lab/fine.py' is not the name of a module\n"],
     "fine:Streaming": ["plan of 'fine:Streaming' is async; it must be a plain method"],
     "fine:Faulty": ["'fine:Faulty' cannot be made: ValueError: no table (", "fine.py:12, in __init__)"],
     "fine:Fine(sped=1)": ["'fine:Fine' has no option 'sped'", "did you mean speed?"],

@@ -48,6 +48,7 @@ def test_options_choose_the_pieces_of_ours_and_of_anyones_class():
 WRONG = {
     "sma-nbo(horizon=0)": ["horizon must be a whole number from 1 to 100, is 0"],
     "sma-nbo(horizon=five)": ["option horizon of 'sma-nbo' must be a number, is 'five'"],
+    "sma-nbo(optimizer=3)": ["option optimizer of 'sma-nbo' must be a word, is 3"],
     "sma-nbo(existence=1)": ["option existence of 'sma-nbo' must be True or False, is 1"],
     "sma-nbo(coordination=sequentail)": ["coordination 'sequentail' is unknown", "did you mean sequential?"],
     "sma-nbo(optimiser=grid)": ["has no option 'optimiser'", "did you mean optimizer?"],

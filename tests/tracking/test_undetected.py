@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, Tree, visible_samples
 from tracking.track import Track
-from tracking.undetected import UndetectedIntensity
+from tracking.undetected import UndetectedIntensity, _blur
 
 AREA, OPEN = (150.0, 100.0), Forest(())
 CAMERA, POSE = Camera(math.radians(60), 128), Pose.level(3.0, -4.0, 20.0)
@@ -55,6 +56,13 @@ def test_people_spread_as_they_walk_within_the_area():
     for time in range(5, 200):
         undetected.step(float(time), (), (), OPEN)
     assert undetected.belief.people.sum() == pytest.approx(1.0)
+
+
+def test_people_spread_by_the_filter_of_scipy():
+    rows = np.random.default_rng(0).random((12, 3))
+    for sigma in (0.0, 0.05, 0.35, 0.6, 1.1, 2.45):
+        expected = gaussian_filter1d(rows, sigma, axis=0) if sigma else rows
+        np.testing.assert_allclose(_blur(rows, sigma), expected, rtol=0, atol=1e-12)
 
 
 def test_people_of_deleted_tracks_but_not_duplicates_are_recycled_in_the_area():

@@ -1,13 +1,15 @@
 """The policy of intent of a fleet, against that of each of its UAVs alone and against its last plan."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 from helpers.teams import refitted
 
 from planning.planner import Plan
-from planning.prediction.intent import base_policy_plans, expect_plans, policy_of_intent
+from planning.prediction.field_of_view import aim_point
+from planning.prediction.intent import BASE_RANGE, base_policy_plans, expect_plans, policy_of_intent
 
 
 @pytest.mark.parametrize("known", [0, 2, 6])
@@ -34,3 +36,40 @@ def test_each_uav_of_a_fleet_is_expected_to_fly_as_it_would_alone(random_team, k
         np.testing.assert_array_equal(mixed[2], decided[2])
         np.testing.assert_array_equal(np.delete(mixed, 2, axis=0), np.delete(together, 2, axis=0))
     assert apart > 8
+
+
+def pursue(situation, vehicle, given, horizon):
+    """The controls `given` and then the base policy, with the places of a first-order lag in closed form."""
+    place, v, step, lag = vehicle.position[:2].copy(), vehicle.velocity, situation.step, vehicle.lag
+    v = v * min(1.0, vehicle.max_speed / max(np.linalg.norm(v), 1e-12))
+    means, F = [track.belief.mean for track in situation.tracks], situation.motion.F
+    traces = [track.belief.covariance[0, 0] + track.belief.covariance[1, 1] for track in situation.tracks]
+    plan = []
+    for h in range(horizon):
+        means = [F @ mean for mean in means]
+        control = given[h] if h < len(given) else np.zeros(2)
+        if h >= len(given):
+            ways = [mean[:2] - place - aim_point(vehicle) for mean in means]
+            near = [t for t in range(len(ways)) if np.linalg.norm(ways[t]) <= BASE_RANGE]
+            if near:
+                way = ways[max(near, key=lambda t: traces[t])]
+                control = way / step * min(1.0, vehicle.max_speed * step / np.linalg.norm(way))
+        left = math.exp(-step / lag)
+        place = place + control * step + (v - control) * lag * (1.0 - left)
+        v = control + (v - control) * left
+        plan.append(control)
+    return plan
+
+
+@pytest.mark.parametrize("known", [0, 1, 3])
+def test_plans_go_on_to_the_most_uncertain_target_in_reach(random_team, known):
+    """Targets that walk are led; several beginnings of a UAV's plan are each as one alone."""
+    rng = np.random.default_rng(known)
+    for seed in range(4):
+        situation = random_team(seed, uavs=2, targets=4, spread=15.0)[0]
+        vehicle = dataclasses.replace(situation.own, lag=0.7, max_speed=4.0, velocity=rng.uniform(-2.0, 2.0, 2))
+        given = rng.uniform(-2.5, 2.5, (3, known, 2))
+        found = base_policy_plans(situation, vehicle, given, 6)
+        expected = [pursue(situation, vehicle, beginning, 6) for beginning in given]
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+        assert np.abs(found[:, known:]).max() > 0.1

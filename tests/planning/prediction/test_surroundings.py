@@ -9,9 +9,10 @@ from planning import composed
 from planning.composed import Composed
 from planning.objective.nbo import Measure, make_objective
 from planning.planner_loading import load_planner
+from planning.prediction.field_of_view import viewing_range
 from planning.prediction.intent import expect_plans
 from planning.prediction.propagation import Nominal
-from planning.prediction.surroundings import find_surroundings
+from planning.prediction.surroundings import find_near_uavs, find_surroundings
 
 
 def far_and_wide(random_team, seed, spread=400.0):
@@ -56,6 +57,25 @@ def test_the_surroundings_reach_farther_for_faster_uavs_and_longer_plans(random_
     situation = far_and_wide(random_team, 0, 800.0)
     kept = [len(find_surroundings(situation, [0], horizon)[0].tracks) for horizon in (5, 20, 100)]
     assert kept[0] < kept[1] < kept[2] == len(situation.tracks)
+
+
+def test_distances_of_uavs_are_those_on_the_ground(random_team):
+    situation = random_team(0, uavs=3)[0]
+    for past, near in ((-1.0, True), (1.0, False)):
+        far, other = (replace(v, position=situation.own.position + np.array([0, 0, 60])) for v in situation.neighbours)
+        found, radius = find_near_uavs(replace(situation, neighbours=(far, other)), [0], 5)
+        far.position[:2] += [0.6 * (radius + past), 0.8 * (radius + past)]
+        found, _ = find_near_uavs(replace(situation, neighbours=(far, other)), [0], 5)
+        assert found.tolist() == [True, near, True]
+
+
+def test_uavs_that_can_come_to_see_one_place_are_near_each_other(random_team):
+    situation = random_team(0, uavs=3)[0]
+    for speed, horizon in ((60.0, 5), (10.0, 60)):
+        vehicles = [replace(v, max_speed=speed) for v in situation.vehicles]
+        fast = replace(situation, own=vehicles[0], neighbours=tuple(vehicles[1:]))
+        reaches = sorted(viewing_range(v) + horizon * speed * situation.step for v in vehicles)
+        assert find_near_uavs(fast, [0], horizon)[1] >= reaches[-1] + reaches[-2] > 250.0
 
 
 def test_a_joint_plan_has_the_surroundings_of_all_its_uavs(random_team):

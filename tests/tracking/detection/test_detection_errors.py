@@ -9,6 +9,7 @@ from helpers.covariance_fit import fit_part, fit_powers, fit_split, fit_whole, s
 from helpers.nees_bins import Bin, bin_nees, bin_pairs, bin_tilts, compute_nees
 from helpers.rendered_people import draw_tilted_attitudes
 from helpers.views import CAMERA
+from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -18,8 +19,8 @@ from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import detections_of, split_covariances
 from tracking.detection.noise import NoiseModel
 from tracking.detection.partial_visibility import PART_ERROR, find_places
-from tracking.geometry.camera import Pose
-from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.person import OUTLINE, TARGET_HEIGHT
 from tracking.geometry.visibility import Forest
 
 IMAGE = np.full((128, 128, 3), (100, 115, 75), dtype=np.uint8)
@@ -76,6 +77,21 @@ def test_people_seen_in_part_are_placed_without_bias_and_less_surely(parts, plac
     spread = np.array([math.sqrt(np.trace(d.covariances[0])) for d in placed])
     means = [spread[(hidden > a) & (hidden <= a + 0.2)].mean() for a in (0.0, 0.2, 0.4, 0.6, 0.8)]
     assert means == sorted(means) and means[-1] > 2 * means[0]
+
+
+def test_people_cut_off_by_the_images_edge_are_near_where_they_would_be_seen_whole():
+    """The centroid of what shows is three to five times as far off as what is found."""
+    camera, pose, turns = Camera(math.radians(60), 512), Pose.level(0.0, 0.0, 20.0), np.linspace(0, 2 * math.pi, 40)
+    edge = (20.0 - TARGET_HEIGHT) * math.tan(math.radians(30))
+    rings = [np.column_stack([r * np.cos(turns), r * np.sin(turns), np.full(40, h)]) for h, r in OUTLINE]
+    grid = np.stack(np.meshgrid(np.arange(-99.5, 612), np.arange(-99.5, 612)), axis=-1).reshape(-1, 2)
+    for place in ([edge, -7.0, 0.0], [edge + 0.2, -7.0, 0.0], [edge - 0.1, edge - 0.1, 0.0]):
+        drawn = camera.project(pose, np.concatenate(rings) + place)[0]
+        whole = grid[Delaunay(drawn).find_simplex(grid) >= 0]
+        blob = whole[np.all((whole > 0) & (whole < 512), axis=1)]
+        found = detections_of(Frame(0, 0.0, camera, pose, np.zeros((512, 512, 3), np.uint8)), [blob]).pixels[0]
+        centre = whole.mean(axis=0)
+        assert np.abs(found - centre).max() < min(2.0, 0.35 * np.abs(blob.mean(axis=0) - centre).max())
 
 
 def test_people_seen_whole_are_placed_by_their_centroids_alone(population):

@@ -17,7 +17,7 @@ from tracking.detection.partial_visibility import (
     _make_grid,
     find_places,
 )
-from tracking.detection.shadows import add_shadows, find_openings, is_open
+from tracking.detection.shadows import _cut, add_shadows, find_openings, is_open
 from tracking.detection.silhouette import compute_visible_moments, make_silhouette
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
@@ -148,3 +148,17 @@ def test_two_grids_agree_with_one_of_a_hundred_times_as_many_places():
     assert len(errors) > 18
     assert np.mean(errors) < 0.1  # beside 2 by which truth differs
     assert 1.0 < np.mean(spreads) < 1.15
+
+
+def test_what_shadows_leave_of_an_interval_is_what_they_leave_of_its_parts():
+    """Ends that are equal, empty shadows and shadows beyond the interval included."""
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        intervals, count, left = np.empty((9, 2)), 1, set(range(12))
+        intervals[0] = 0.0, 12.0
+        for _ in range(8):
+            low, high = np.sort(rng.integers(-3, 16, 2)).tolist()
+            count = _cut(intervals, count, (float(low), float(high)))
+            left -= set(range(low, high))
+        parts = [part for a, b in intervals[:count].astype(int).tolist() for part in range(a, b)]
+        assert sorted(parts) == sorted(left)

@@ -100,6 +100,19 @@ def test_uavs_with_the_same_scans_have_the_same_bits_whatever_their_order():
         assert a.id == b.id and a.belief.mean.tobytes() == b.belief.mean.tobytes()
 
 
+def test_a_message_agreed_upon_changes_the_next_state_and_not_what_follows_otherwise():
+    """A step from one state is made once for all UAVs with the same scans."""
+    scans = {u: scan_of(1, (0.4, 0.1), uav=u) for u in range(2)}
+    agreed = fleet(2, track(3, 5, 5, 0, 0)).step(0.2, {}).pooled
+    plain, start = fleet(2, START).step(0.2, scans), fleet(2, START)
+    accepted = start.step(0.2, scans, agreed)
+    found = start.step(0.2, scans)
+    assert found is start.step(0.2, scans)
+    for one, same, other in zip(plain.trackers, found.trackers, accepted.trackers, strict=True):
+        np.testing.assert_array_equal(one.tracks[0].belief.mean, same.tracks[0].belief.mean)
+        assert abs(other.tracks[0].belief.mean[0] - one.tracks[0].belief.mean[0]) > 4
+
+
 def test_pooled_messages_are_those_of_a_round_in_which_all_hear_each_other():
     """From nothing, with false alarms, so that tracks begin, join and end; pooling has one sum in place of four."""
     rng = np.random.default_rng(3)

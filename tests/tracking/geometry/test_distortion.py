@@ -85,6 +85,16 @@ def test_pixels_of_1000_points_are_those_of_opencv(name):
 
 
 @pytest.mark.parametrize("name", CALIBRATIONS)
+def test_what_is_ahead_is_in_the_image_however_near(name):
+    camera = calibrated(name)
+    lens = camera.lens(Pose.level(1, 2, 20))
+    for depth in (1e-3, 0.3, 19.0):
+        expected = (camera.optics.cx, camera.optics.cy, depth)
+        assert image_point(lens, (1.0, 2.0, 20.0 - depth)) == pytest.approx(expected, abs=1e-6)
+    assert math.isnan(image_point(lens, (1.0, 2.0, 20.1))[0])
+
+
+@pytest.mark.parametrize("name", CALIBRATIONS)
 def test_undistorted_points_are_those_of_opencv_everywhere_in_the_image(name):
     camera = calibrated(name)
     uv = np.random.default_rng(2).uniform(0, camera.size, (1000, 2))

@@ -9,6 +9,7 @@ from tracking.plugins.findings import describe_time
     ("seconds", "text"),
     [
         ([0.0123, 0.0125, 0.0124], "12.4 ms a scan, at most 12.5 ms"),
+        ([1.0, 0.001], "500 ms a scan, at most 1 s; longer than the time between scans"),
         ([1.084, 0.25, 0.9], "900 ms a scan, at most 1.08 s; longer than the time between scans"),
     ],
 )

@@ -44,6 +44,8 @@ def test_covariances_are_those_of_sampled_errors(name):
         pose = Pose(true.position + (time - 0.4) * velocity, true.quaternion)
         scan = registration.correct(Scan(0, time, pose, points, np.zeros((3, 2, 2))))
     np.testing.assert_array_equal(scan.measurements, points)
+    registration.learn(np.array([4]), np.eye(4)[None], 2)  # nothing of the fleet, to which tracks would owe more
+    np.testing.assert_array_equal(registration.find_added([4], np.ones((1, 4))), np.zeros((1, 4, 4)))
     for k, expected in enumerate(scan.covariances):
         scale = np.trace(expected)
         np.testing.assert_allclose(np.cov(moved[:, k].T), expected, atol=0.05 * scale)

@@ -51,11 +51,12 @@ def draw_ecdf_figure(layout: FigureLayout[Group]) -> Figure:
         axes.plot(AT, 100 * compute_ecdf(curve.shown.pool_ospa(), AT), **_style_line(curve.style))
 
     def dress(axes: Axes) -> None:
-        axes.set_xscale("log")
-        axes.set_xlim(AT[0], AT[-1])
-        axes.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
-        axes.set_xticks([], minor=True)
-        axes.set_ylim(0, 102)
+        if axes.get_xscale() != "log":  # else a panel that shares the axes has set them
+            axes.set_xscale("log")
+            axes.set_xlim(AT[0], AT[-1])
+            axes.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
+            axes.set_xticks([], minor=True)
+            axes.set_ylim(0, 102)
         axes.axvline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
 
     return _draw_grid(layout, draw, dress, ("OSPA [m], logarithmic", "share of scans [%]"))
@@ -74,13 +75,14 @@ def draw_time_figure(layout: FigureLayout[Group]) -> Figure:
         axes.plot(times, median, **_style_line(curve.style))
 
     def dress(axes: Axes) -> None:
-        axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
-        axes.set_ylim(bottom=0)
-        top = axes.get_ylim()[1]
-        ticks = [tick for tick in (0, 0.5, 1, 2, 5, 10, 20, 50) if tick <= max(top, 1)]
-        axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
-        axes.set_yticks([], minor=True)
-        axes.set_xlim(0, max([*ends, 1e-3]))
+        if axes.get_yscale() != "symlog":  # else a panel that shares the axes has set them
+            axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
+            axes.set_ylim(bottom=0)
+            top = axes.get_ylim()[1]
+            ticks = [tick for tick in (0, 0.5, 1, 2, 5, 10, 20, 50) if tick <= max(top, 1)]
+            axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+            axes.set_yticks([], minor=True)
+            axes.set_xlim(0, max([*ends, 1e-3]))
         axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
 
     return _draw_grid(layout, draw, dress, ("time [s]", "OSPA [m], logarithmic above 1"))
@@ -160,7 +162,11 @@ def _draw_grid(
             dress(axes)
         for axes in every[len(layout.panels) :]:
             axes.set_visible(False)
-        for axes in every[max(0, len(layout.panels) - columns) : len(layout.panels)]:
+        last = max(0, len(layout.panels) - columns)
+        for k, axes in enumerate(every):  # axes without numbers need no room, whose search takes long
+            axes.xaxis.set_in_layout(k >= last)
+            axes.yaxis.set_in_layout(k % columns == 0)
+        for axes in every[last : len(layout.panels)]:
             axes.tick_params(labelbottom=True)
             axes.set_xlabel(labels[0])  # a label of the whole figure would overlap the legend
         figure.supylabel(labels[1], fontsize="medium")
@@ -244,16 +250,19 @@ def _open_drawing(height: float, width: float = _WIDTH, letters: int = _LETTERS)
         rows = figure.axes[0].get_gridspec().nrows  # type: ignore[union-attr]
         lines = rows * max(titles) + sum(text.get_text().count("\n") for text in figure.texts)
         figure.set_figheight(figure.get_figheight() + 0.017 * letters * lines)
+        for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+            if not axis.get_label_text():  # a place that is given is not searched for, which takes long
+                axis.set_label_coords(0, 0)
         equal = any(axes.get_aspect() != "auto" for axes in figure.axes)
         for _ in range(1 + equal):  # panels of equal axes find their places only the second time
-            figure.draw_without_rendering()  # lays the figure out once for all its files
+            figure.get_layout_engine().execute(figure)  # type: ignore[union-attr]  # once for all its files
         figure.set_layout_engine(None)
 
 
 def _set_title(axes: Axes, text: str) -> None:
     """Give a panel a title, in as many lines as its width needs."""
     columns = axes.get_gridspec().ncols  # type: ignore[union-attr]
-    _fold(axes.set_title(text, fontsize="medium", loc="left", fontweight="bold"), 0.84 / columns)
+    _fold(axes.set_title(text, fontsize="medium", loc="left", fontweight="bold", y=1.0), 0.84 / columns)
 
 
 def _draw_legend(figure: Figure, looks: Mapping[str, dict[str, Any]]) -> None:

@@ -163,6 +163,7 @@ def test_no_text_of_a_figure_is_cut_or_runs_into_another(planners, cells):
         assert narrow.get_figwidth() == COLUMN and min(text.get_fontsize() for text in texts_of(narrow)) >= 8
         figures += [draw_levels_figure(layout, shown, None), narrow]
     for figure in figures:
+        figure.draw_without_rendering()  # as it is saved
         boxes = {text.get_text(): text.get_window_extent() for text in texts_of(figure)}
         for text, box in boxes.items():
             assert min(box.x0, box.y0) >= 0 and box.x1 <= figure.bbox.width and box.y1 <= figure.bbox.height, text
