@@ -116,10 +116,10 @@ def test_a_changed_file_however_large_is_another_trial(tmp_path, key):
 
 
 def test_the_paper_flies_its_own_setting_as_packaged_studies_say():
-    counted = ("paper-horizon", "paper-planners", "paper-runtime", "message-losses")
+    counted = ("paper-horizon", "paper-planners", "paper-assumptions", "message-losses")
     sizes = {name: len(list_trials(read_study(name))) for name in counted}
     assert sizes["paper-horizon"] == 3 * 2 * 3 * 2 * 50 and sizes["paper-planners"] == (3 * 3 * 3 + 2 * 2) * 50
-    assert sizes["paper-runtime"] == (3 * 3 * 3 + 2 * 2) * 10 and sizes["message-losses"] == 11 * 2 * 8
+    assert sizes["paper-assumptions"] == 17 * 100 and sizes["message-losses"] == 11 * 2 * 8
     assert {"pixels-vs-ideal", "line-of-sight-vs-disc", "faults"} < set(STUDIES)
     for name in STUDIES:
         assert read_study(name).name == name and read_study(name).description
