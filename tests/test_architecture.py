@@ -27,7 +27,7 @@ LAYERS = {
             "testing",
             "registration",
         ),
-        *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker"),
+        *("association", "measurement_update", "account", "management", "fusion", "fleet_scan", "metrics", "tracker"),
         "undetected",
     ),
     "planning": (

@@ -112,7 +112,7 @@ def beliefs_of(tracks: Sequence[Track]) -> Beliefs:
 
 @dataclass(eq=False)  # a frozen one takes four times as long to make
 class TrackTable:
-    """Columns of T confirmed tracks of one UAV; `table[rows]` has some of them, `table + other` all of both."""
+    """Columns of T confirmed tracks of one UAV; `table[rows]` has some of them."""
 
     ids: Indices  # (T,)
     means: Array  # (T, 4)
@@ -124,11 +124,13 @@ class TrackTable:
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each
 
-    def __getitem__(self, rows: Indices | Flags) -> TrackTable:
-        return TrackTable(*(column[rows] for column in _COLUMNS(self)))
+    def __getitem__(self, rows: Indices | Flags | slice) -> TrackTable:
+        return TrackTable(*[column[rows] for column in _COLUMNS(self)])
 
-    def __add__(self, other: TrackTable) -> TrackTable:
-        return TrackTable(*map(np.concatenate, zip(_COLUMNS(self), _COLUMNS(other), strict=True)))
+
+def join_tables(tables: Sequence[TrackTable]) -> TrackTable:
+    """Table of all tracks of tables, in copies."""
+    return TrackTable(*map(np.concatenate, zip(*map(_COLUMNS, tables), strict=True)))
 
 
 def make_table(tracks: Sequence[Track], weights: float | Array, times: float | Array) -> TrackTable:

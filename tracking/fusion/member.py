@@ -1,7 +1,7 @@
 """Trackers as members of a fleet: their interface, the trackers by name, and the check of those from outside."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from copy import copy, deepcopy
 from dataclasses import replace
@@ -87,6 +87,34 @@ class Member(Protocol):
 
         This is the UAV's own message if it has no neighbours.
         """
+
+
+def step_members(members: Sequence[Member], time: float, scans: Mapping[int, Scan]) -> None:
+    """Take the scans at `time` s, by UAV, of those that took a frame; trackers of a kind do so together if they can."""
+    if together := _find_together(members, "step_together"):
+        together(members, time, scans)
+        return
+    for member in members:
+        if member.uav in scans:
+            member.step(scans[member.uav])
+        else:
+            member.coast(time)
+
+
+def accept_messages(members: Sequence[Member], messages: Sequence[Message]) -> None:
+    """Take over the fleet's tracks from the messages after the last round, likewise."""
+    if together := _find_together(members, "accept_together"):
+        together(members, messages)
+        return
+    for member, message in zip(members, messages, strict=True):
+        member.accept(message)
+
+
+def _find_together(members: Sequence[Member], name: str) -> Callable[..., None] | None:
+    """The function of a class for several trackers; None if one is of another class, which may override something."""
+    kinds = {type(member) for member in members}
+    found: Callable[..., None] | None = vars(kinds.pop()).get(name) if len(kinds) == 1 else None
+    return found
 
 
 def make_tracker(

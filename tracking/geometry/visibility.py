@@ -221,16 +221,15 @@ class Forest:
 
     def detectabilities_through_leaves(self, lens: Lens, points: Array) -> Array:
         """`detectabilities` (N,) if there were only the porous solids."""
-        leaves, grid = self._leaves
-        if len(leaves) == 0:
+        if len(self.leaves.cylinders) == 0:
             return np.ones(len(points))
-        return _find_detectabilities(lens, np.ascontiguousarray(points, dtype=float), leaves, grid)
+        return _find_detectabilities(lens, np.ascontiguousarray(points, dtype=float), *self.leaves)
 
     @cached_property
-    def _leaves(self) -> tuple[Array, Grid]:
+    def leaves(self) -> Occluders:
         """The porous `blockers` (B, 6 or 7), and a grid over them."""
         porous = self.blockers[np.isfinite(self.blockers[:, 5])]
-        return porous, make_grid(porous)
+        return Occluders(porous, make_grid(porous))
 
     def shares_hidden(self, camera: Array, points: Array) -> Array:
         """Share (N, T) of each line from a camera (3,) m to points (N, 3) m that each tree hides by itself."""
