@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.mapping.parallax import Evidence, find_cell, level_of
-from tracking.numerics.arrays import Array
+from tracking.mapping.parallax import KNOWN, UNIT, Evidence, Sums, find_cell, level_of
+from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.factorisation import inverses
 from tracking.numerics.trigonometry import cos_each, sin_each
@@ -16,6 +16,7 @@ _SMALLEST = 0.75  # m
 _STEP = 0.5  # m, between radii and between centres that are tried
 _SURE = 2.5  # grey levels of evidence beyond which a cell is taken to be high
 _MOST = 8.0  # grey levels; less evidence than minus this, or more than three times as much, counts as this
+_BLUR = 0.3  # cells by which edges appear too far outside, as neighbours are compared together
 _SECTORS = 48  # directions in which edges are looked for
 _TURNS = 2.0 * math.pi * np.arange(_SECTORS) / _SECTORS
 _DIRECTIONS = np.column_stack([cos_each(_TURNS), sin_each(_TURNS)])
@@ -23,7 +24,7 @@ _ROUNDS = 4  # of finding edges and fitting a circle
 _REACH = 1.5  # m from the supposed edge in which it is looked for, at first
 _TOLERANCE = 0.3  # m; edges farther off count less
 _EDGE = 0.15  # m, standard deviation of an edge that is expected
-_ALIKE = 5.0  # directions that err alike
+_ALIKE = 6.5  # directions that err alike
 _FEWEST = 10  # edges of a circle that is looked at
 _RIM = 4.0  # m of its rim that have to be seen, or three quarters of it
 
@@ -52,40 +53,53 @@ class Window(NamedTuple):
 
 @compiled
 def find_edges(e: Evidence, window: Window) -> Array:
-    """Edges (N, 4) of high regions in a window: x, y [m] and the unit vector inwards.
-
-    A cell is high if there is evidence for any height above ground in the mean of it and its neighbours.
-    """
-    rows, columns = window.last_row - window.row, window.last_column - window.column
-    levels, smooth = np.full((rows, columns), math.nan), np.full((rows, columns), math.nan)
-    for i in range(rows):
-        for j in range(columns):
-            for k in range(1, len(e.heights)):
-                level = level_of(e, k, window.row + i, window.column + j)
-                if not math.isnan(level) and not level <= levels[i, j]:
-                    levels[i, j] = level
-    for i in range(1, rows - 1):
-        for j in range(1, columns - 1):
-            total, count = 0.0, 0
-            for a in range(i - 1, i + 2):
-                for b in range(j - 1, j + 2):
-                    if not math.isnan(levels[a, b]):
-                        total += max(-_SURE, min(3.0 * _SURE, levels[a, b]))
-                        count += 1
-            if count >= 6:
-                smooth[i, j] = total / count
+    """Edges (N, 4) of high regions in a window: x, y [m] and the unit vector inwards."""
+    levels = _find_levels(e.sums, e.counts, window)
+    rows, columns = levels.shape
     edges, found = np.empty((rows * columns, 4)), 0
     for i in range(1, rows - 1):
         for j in range(1, columns - 1):
-            east, west, north, south = smooth[i, j + 1], smooth[i, j - 1], smooth[i + 1, j], smooth[i - 1, j]
+            if not levels[i, j] > _SURE:
+                continue
+            east, west, north, south = levels[i, j + 1], levels[i, j - 1], levels[i + 1, j], levels[i - 1, j]
             right, up = east - west, north - south
             size = math.sqrt(right * right + up * up)
-            if smooth[i, j] > _SURE and size > 0.0 and min(min(east, west), min(north, south)) <= _SURE:
+            if size > 0.0 and min(min(east, west), min(north, south)) <= _SURE:
                 edges[found, 0] = e.corner[0] + (window.column + j + 0.5) * e.cell
                 edges[found, 1] = e.corner[1] + (window.row + i + 0.5) * e.cell
                 edges[found, 2], edges[found, 3] = right / size, up / size
                 found += 1
     return edges[:found].copy()
+
+
+@compiled
+def _find_levels(sums: Sums, counts: Sums, window: Window) -> Array:
+    """The most evidence for any height in each cell of a window, as the mean of it and its neighbours; NaN if unknown.
+
+    Levels far from those that matter count as if they were nearer.
+    """
+    rows, columns = window.last_row - window.row, window.last_column - window.column
+    most = np.full((rows, columns), math.nan)
+    for k in range(1, len(counts)):
+        for i in range(rows):
+            for j in range(columns):
+                count = counts[k, window.row + i, window.column + j]
+                level = sums[k, window.row + i, window.column + j] / (UNIT * max(count, 1))
+                if count >= KNOWN and not level <= most[i, j]:
+                    most[i, j] = level
+    known = np.where(np.isnan(most), 0.0, 1.0)
+    most = np.where(known > 0.0, np.minimum(np.maximum(most, -_SURE), 3.0 * _SURE), 0.0)
+    total, number = np.zeros((rows, columns)), np.zeros((rows, columns))
+    for i in range(1, rows - 1):
+        for j in range(columns):
+            total[i, j] = most[i - 1, j] + most[i, j] + most[i + 1, j]
+            number[i, j] = known[i - 1, j] + known[i, j] + known[i + 1, j]
+    for i in range(1, rows - 1):
+        for j in range(1, columns - 1):
+            count = number[i, j - 1] + number[i, j] + number[i, j + 1]
+            mean = (total[i, j - 1] + total[i, j] + total[i, j + 1]) / count
+            most[i, j] = mean if count >= 6.0 else math.nan
+    return most
 
 
 @compiled
@@ -102,19 +116,7 @@ def propose(edges: Array) -> Array:
         int((edges[:, 0].max() + LARGEST - x) / _STEP) + 2,
     )
     radii = int((LARGEST - _SMALLEST) / _STEP) + 1
-    votes = np.zeros((radii, rows, columns), dtype=np.int32)
-    for n in range(len(edges)):
-        for s in range(radii):
-            far = _SMALLEST + s * _STEP
-            east, north = edges[n, 0] + far * edges[n, 2], edges[n, 1] + far * edges[n, 3]
-            votes[s, int((north - y) / _STEP), int((east - x) / _STEP)] += 1
-    sums = np.zeros((radii, rows, columns), dtype=np.int32)
-    for s in range(radii):
-        for i in range(1, rows - 1):
-            for j in range(1, columns - 1):
-                if votes[s, i, j] > 0:
-                    for a in range(i - 1, i + 2):
-                        sums[s, i, j] += votes[s, a, j - 1] + votes[s, a, j] + votes[s, a, j + 1]
+    sums = _count_votes(edges, x, y, np.zeros((radii, rows, columns), dtype=np.int32))
     found = [(0, 0.0, 0.0, 0.0) for _ in range(0)]
     for s in range(radii):
         for i in range(1, rows - 1):
@@ -126,6 +128,25 @@ def propose(edges: Array) -> Array:
     for n in range(len(found)):
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = -found[n][0], found[n][1], found[n][2], found[n][3]
     return out
+
+
+@compiled
+def _count_votes(edges: Array, x: float, y: float, votes: Sums) -> Sums:
+    """Votes (radii, rows, columns) of edges (N, 4) for circles with their neighbours; x, y [m] is the corner."""
+    radii, rows, columns = votes.shape
+    for n in range(len(edges)):
+        for s in range(radii):
+            far = _SMALLEST + s * _STEP
+            east, north = edges[n, 0] + far * edges[n, 2], edges[n, 1] + far * edges[n, 3]
+            votes[s, int((north - y) / _STEP), int((east - x) / _STEP)] += 1
+    sums = np.zeros_like(votes)
+    for s in range(radii):
+        for i in range(1, rows - 1):
+            for j in range(1, columns - 1):
+                if votes[s, i, j] > 0:
+                    for a in range(i - 1, i + 2):
+                        sums[s, i, j] += votes[s, a, j - 1] + votes[s, a, j] + votes[s, a, j + 1]
+    return sums
 
 
 def find_crowns(e: Evidence, window: Window, prior: tuple[float, float]) -> list[Crown]:
@@ -156,7 +177,7 @@ def _is_same(one: Crown, other: Crown) -> bool:
 
 
 @compiled
-def _are_near(edges: Array, x: float, y: float, radius: float, reach: float = 0.5) -> Array:
+def _are_near(edges: Array, x: float, y: float, radius: float, reach: float = 0.5) -> Flags:
     """Mask of the edges within a reach of a circle; with a negative radius, within a disc of that reach."""
     out = np.empty(len(edges), dtype=np.bool_)
     for n in range(len(edges)):
@@ -197,11 +218,11 @@ def _profile(e: Evidence, x: float, y: float, inner: float, outer: float) -> Arr
     sums, counts = np.zeros(len(e.heights)), np.zeros(len(e.heights))
     low, high = find_cell(e, x - outer, y - outer), find_cell(e, x + outer, y + outer)
     for i in range(low[0], high[0] + 1):
-        for j in range(low[1], high[1] + 1):
+        for j in range(low[1] + i % 2, high[1] + 1, 2):
             right, up = (j + 0.5) * e.cell + e.corner[0] - x, (i + 0.5) * e.cell + e.corner[1] - y
             if inner * inner <= right * right + up * up <= outer * outer:
                 for k in range(1, len(e.heights)):
-                    level = level_of(e, k, i, j)
+                    level = level_of(e.sums, e.counts, k, i, j)
                     if not math.isnan(level):
                         sums[k] += max(-_MOST, min(3.0 * _MOST, level))
                         counts[k] += 1.0
@@ -237,8 +258,8 @@ def _level_at(e: Evidence, height: float, x: float, y: float) -> float:
         k += 1
     share = min(max((height - e.heights[k]) / (e.heights[k + 1] - e.heights[k]), 0.0), 1.0)
     row, column = find_cell(e, x, y)
-    low, high = level_of(e, k, row, column), level_of(e, k + 1, row, column)
-    return high if share > 0.9 else low if share < 0.1 else (1.0 - share) * low + share * high
+    low, high = level_of(e.sums, e.counts, k, row, column), level_of(e.sums, e.counts, k + 1, row, column)
+    return float(high if share > 0.9 else low if share < 0.1 else (1.0 - share) * low + share * high)
 
 
 @compiled
@@ -265,7 +286,7 @@ def _find_end(
             total += max(-half, min(half, level - half))
             if total > best:
                 best, end = total, far + 0.5 * step
-    return end if min(best, best - total) >= 2.0 * half and 4 * known >= 3 * count else math.nan
+    return end - _BLUR * e.cell if min(best, best - total) >= 2.0 * half and 4 * known >= 3 * count else math.nan
 
 
 @compiled

@@ -28,7 +28,7 @@ _FOCAL = 110.0  # pixels
 _TALLEST = 0.6  # of the height above ground, up to which trees are found
 _LOWEST = 1.0  # m, below which nothing is a tree
 _WIDE = (4.0, 9.0)  # m and m², mean and variance of radii before a crown was seen whole
-_TOP = 0.15  # m, standard deviation of the error of tops
+_TOP = 0.15  # m, standard deviation of the errors of tops of crowns of which a third or more of the rim was seen
 _BASE = 0.5  # m, of bases that were seen
 _WHOLE = 0.6  # share of the rim of crowns that were seen nearly whole
 _MARGIN = 16.0  # m, by which the grid grows at least
@@ -216,7 +216,7 @@ def _make_tree(crown: Crown) -> MappedTree:
     base, error = (crown.base, _BASE) if seen else (0.5 * crown.top, 0.25 * crown.top)
     covariance = np.zeros((5, 5))
     covariance[:3, :3] = crown.covariance
-    covariance[3, 3], covariance[4, 4] = error * error, _TOP * _TOP
+    covariance[3, 3], covariance[4, 4] = error * error, (_TOP / min(1.0, 3.0 * crown.rim)) ** 2
     rim = 2.0 * math.pi * crown.radius * crown.rim
     tree = Tree(crown.x, crown.y, crown.radius, base, crown.top)
     return MappedTree(tree, covariance, 1.0 - 0.5 * exp(-0.25 * rim), crown.rim)

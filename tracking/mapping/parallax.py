@@ -7,15 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.detection.detector import Frame
-from tracking.geometry.lens import Lens, pixel_ray, plane_pixel
-from tracking.numerics.arrays import Array
+from tracking.geometry.lens import Lens, Optics, pixel_ray, plane_pixel
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
 
 STEEPEST = 3.0  # metres along the ground per metre of height of rays that count
 FINEST = 128  # pixels; larger images are reduced to about as many along their longer edge
 _STRIDE = 2  # reduced pixels from one that is compared to the next
 _MOST = 30  # grey levels; larger differences count as these
-_UNIT = 16.0  # of sums of evidence per grey level
+_ONE = 1 << 20  # added to each known difference, so that a sum of nine also counts them
+KNOWN = 4  # comparisons from which on the evidence in a cell counts
+UNIT = 16.0  # of sums of evidence per grey level
 
 Grey = NDArray[np.uint8]
 Sums = NDArray[np.int32]
@@ -50,12 +52,12 @@ def find_cell(e: Evidence, x: float, y: float) -> tuple[int, int]:
 
 
 @inlined
-def level_of(e: Evidence, k: int, row: int, column: int) -> float:
+def level_of(sums: Sums, counts: Sums, k: int, row: int, column: int) -> float:
     """Mean evidence [grey level] for a height in a cell; NaN if it is not known."""
-    _, rows, columns = e.counts.shape
-    if not (0 <= row < rows and 0 <= column < columns) or e.counts[k, row, column] < 4:
+    if not (0 <= row < counts.shape[1] and 0 <= column < counts.shape[2]):
         return math.nan
-    return e.sums[k, row, column] / (_UNIT * e.counts[k, row, column])
+    count = counts[k, row, column]
+    return float(sums[k, row, column] / (UNIT * count)) if count >= KNOWN else math.nan
 
 
 def view_of(frame: Frame) -> View:
@@ -87,20 +89,22 @@ def _reduce(image: NDArray[np.uint8], block: int) -> Grey:
 
 
 @inlined
-def _sample(view: View, right: float, above: float, depth: float) -> int:
-    """Grey level, times 256, of a point in the axes of a view's camera, by bilinear interpolation; -1 outside of it."""
+def _sample(grey: Grey, optics: Optics, block: int, right: float, above: float, depth: float) -> int:
+    """Grey level, times 256, of a point in a camera's axes, by bilinear interpolation; -1 outside of the image."""
     if not depth > 0.0:
         return -1
-    u, v = plane_pixel(view.lens.optics, right / depth, -above / depth)
-    u, v = u / view.block - 0.5, v / view.block - 0.5
-    rows, columns = view.grey.shape
-    if not (0.0 <= u < columns - 1 and 0.0 <= v < rows - 1):
+    near, share = 1.0 / depth, 1.0 / block
+    u, v = optics.cx + optics.fx * near * right, optics.cy - optics.fy * near * above
+    if optics.reach > 0.0:
+        u, v = plane_pixel(optics, near * right, -near * above)
+    u, v = share * u - 0.5, share * v - 0.5
+    if not (0.0 <= u < grey.shape[1] - 1 and 0.0 <= v < grey.shape[0] - 1):
         return -1
-    i, j, grey = int(v), int(u), view.grey
+    i, j = int(v), int(u)
     a, b = int(16.0 * (u - j)), int(16.0 * (v - i))
     upper = (16 - a) * np.int64(grey[i, j]) + a * np.int64(grey[i, j + 1])
     lower = (16 - a) * np.int64(grey[i + 1, j]) + a * np.int64(grey[i + 1, j + 1])
-    return (16 - b) * upper + b * lower
+    return int((16 - b) * upper + b * lower)
 
 
 @inlined
@@ -118,58 +122,108 @@ def compare(middle: View, before: View, after: View, e: Evidence) -> None:
     A pixel of the middle view is compared with those where the other two show the point at each height on its ray. The
     smaller difference counts, because one of the two may show something else in front.
     """
+    rays = _list_rays(middle, before.lens, after.lens)
+    ground = np.zeros(rays.shape[:2], dtype=np.int64)
+    known = np.zeros(rays.shape[:2], dtype=np.int64)
+    for k in range(len(e.heights)):
+        if middle.lens.eye[2] > e.heights[k]:
+            costs, views = _find_costs(middle, before, after, rays, e.heights[k])
+            if k == 0:
+                ground, known = costs, views
+            _add(e, k, middle.lens.eye, rays, (ground, known), (costs, views))
+
+
+@compiled
+def _list_rays(middle: View, one: Lens, two: Lens) -> Array:
+    """Rays (rows, columns, 8) that fall by 1 m: east and north, and the ray in the axes of two other cameras."""
     rows, columns = middle.grey.shape
-    high, wide, K = rows // _STRIDE, columns // _STRIDE, len(e.heights)
-    costs, twice = np.full((K, high, wide), -1, dtype=np.int32), np.zeros((K, high, wide), dtype=np.bool_)
-    slopes = np.full((high, wide, 2), math.nan)
-    eye, one, two = middle.lens.eye, before.lens, after.lens
-    a = _turn(one, eye[0] - one.eye[0], eye[1] - one.eye[1], eye[2] - one.eye[2])
-    b = _turn(two, eye[0] - two.eye[0], eye[1] - two.eye[1], eye[2] - two.eye[2])
-    for i in range(high):
-        for j in range(wide):
+    rays = np.full((rows // _STRIDE, columns // _STRIDE, 8), math.nan)
+    for i in range(rows // _STRIDE):
+        for j in range(columns // _STRIDE):
             u, v = (_STRIDE * j + 0.5) * middle.block, (_STRIDE * i + 0.5) * middle.block
             x, y, z = pixel_ray(middle.lens, u, v)
             x, y = x / -z, y / -z
-            if not (z < 0.0 and x * x + y * y <= STEEPEST * STEEPEST):
+            if z < 0.0 and x * x + y * y <= STEEPEST * STEEPEST:
+                ray = rays[i, j]
+                ray[0], ray[1] = x, y
+                ray[2], ray[3], ray[4] = _turn(one, x, y, -1.0)
+                ray[5], ray[6], ray[7] = _turn(two, x, y, -1.0)
+    return rays
+
+
+@compiled
+def _find_costs(middle: View, before: View, after: View, rays: Array, height: float) -> tuple[Indices, Indices]:
+    """Mean differences, times 256, and numbers of views compared (rows, columns) at a height [m]; 0 views if unknown.
+
+    The mean is that of a pixel and its eight neighbours, as far as they are known.
+    """
+    rows, columns, _ = rays.shape
+    costs, views = np.zeros((rows + 2, columns + 2), dtype=np.int64), np.zeros((rows, columns), dtype=np.int64)
+    eye = middle.lens.eye
+    x, y, z = before.lens.eye
+    a = _turn(before.lens, eye[0] - x, eye[1] - y, eye[2] - z)
+    x, y, z = after.lens.eye
+    b = _turn(after.lens, eye[0] - x, eye[1] - y, eye[2] - z)
+    s, grey, one, two = eye[2] - height, middle.grey, before.grey, after.grey
+    for i in range(rows):
+        for j in range(columns):
+            if math.isnan(rays[i, j, 0]):
                 continue
-            slopes[i, j] = x, y
-            p, q = _turn(one, x, y, -1.0), _turn(two, x, y, -1.0)
-            own = 256 * np.int64(middle.grey[_STRIDE * i, _STRIDE * j])
-            for k in range(K):
-                s = eye[2] - e.heights[k]
-                if not s > 0.0:
-                    continue
-                first = _sample(before, a[0] + s * p[0], a[1] + s * p[1], a[2] + s * p[2])
-                second = _sample(after, b[0] + s * q[0], b[1] + s * q[1], b[2] + s * q[2])
-                if first >= 0 and second >= 0:
-                    costs[k, i, j], twice[k, i, j] = min(abs(first - own), abs(second - own)), True
-                elif first >= 0 or second >= 0:
-                    costs[k, i, j] = abs(max(first, second) - own)
-    for i in range(high):
-        for j in range(wide):
-            ground = _mean(costs[0], i, j)
-            for k in range(K):
-                cost = _mean(costs[k], i, j) if ground >= 0 else -1
-                if cost >= 0:
-                    s = eye[2] - e.heights[k]
-                    row, column = find_cell(e, eye[0] + s * slopes[i, j, 0], eye[1] + s * slopes[i, j, 1])
-                    gain = (ground - cost if k > 0 else cost) >> 4
-                    weight = 1 + int(twice[k, i, j] and twice[0, i, j])
-                    if not (0 <= row < e.counts.shape[1] and 0 <= column < e.counts.shape[2]):
-                        continue
-                    e.sums[k, row, column] += weight * max(-16 * _MOST, min(16 * _MOST, gain))
-                    e.counts[k, row, column] += weight
+            first = _sample(
+                one,
+                before.lens.optics,
+                before.block,
+                a[0] + s * rays[i, j, 2],
+                a[1] + s * rays[i, j, 3],
+                a[2] + s * rays[i, j, 4],
+            )
+            second = _sample(
+                two,
+                after.lens.optics,
+                after.block,
+                b[0] + s * rays[i, j, 5],
+                b[1] + s * rays[i, j, 6],
+                b[2] + s * rays[i, j, 7],
+            )
+            own = 256 * np.int64(grey[_STRIDE * i, _STRIDE * j])
+            views[i, j] = int(first >= 0) + int(second >= 0)
+            cost = abs((second if first < 0 else first) - own)
+            if views[i, j] == 2:
+                cost = min(cost, abs(second - own))
+            if views[i, j] > 0:
+                costs[i + 1, j + 1] = _ONE + cost
+    sums = np.zeros((rows + 2, columns), dtype=np.int64)
+    for i in range(rows + 2):
+        for j in range(columns):
+            sums[i, j] = costs[i, j] + costs[i, j + 1] + costs[i, j + 2]
+    means = np.zeros((rows, columns), dtype=np.int64)
+    for i in range(rows):
+        for j in range(columns):
+            total = sums[i, j] + sums[i + 1, j] + sums[i + 2, j]
+            if views[i, j] > 0:
+                means[i, j] = (total % _ONE) // (total // _ONE)
+    return means, views
 
 
-@inlined
-def _mean(costs: Sums, i: int, j: int) -> int:
-    """Mean of the known costs (rows, columns) of a pixel and its neighbours; -1 if its own is unknown."""
-    if costs[i, j] < 0:
-        return -1
-    total, count = 0, 0
-    for row in range(max(i - 1, 0), min(i + 2, costs.shape[0])):
-        for column in range(max(j - 1, 0), min(j + 2, costs.shape[1])):
-            if costs[row, column] >= 0:
-                total += costs[row, column]
-                count += 1
-    return total // count
+@compiled
+def _add(
+    e: Evidence,
+    k: int,
+    eye: tuple[float, float, float],
+    rays: Array,
+    ground: tuple[Indices, Indices],
+    own: tuple[Indices, Indices],
+) -> None:
+    """Add the evidence for one height: its own costs and numbers of views, against those of the ground."""
+    s, limit = eye[2] - e.heights[k], int(UNIT) * _MOST
+    _, rows, columns = e.counts.shape
+    for i in range(rays.shape[0]):
+        for j in range(rays.shape[1]):
+            if own[1][i, j] == 0 or ground[1][i, j] == 0:
+                continue
+            row, column = find_cell(e, eye[0] + s * rays[i, j, 0], eye[1] + s * rays[i, j, 1])
+            if 0 <= row < rows and 0 <= column < columns:
+                gain = (ground[0][i, j] - own[0][i, j] if k > 0 else own[0][i, j]) >> 4
+                weight = min(own[1][i, j], ground[1][i, j])
+                e.sums[k, row, column] += weight * max(-limit, min(limit, gain))
+                e.counts[k, row, column] += weight
