@@ -30,13 +30,14 @@ _RIM = 4.0  # m of its rim that have to be seen, or three quarters of it
 
 
 class Crown(NamedTuple):
-    """A crown, measured; `_UNSEEN` if it cannot be."""
+    """A crown, measured."""
 
     x: float  # m
     y: float  # m
     radius: float  # m
     base: float  # m, NaN if its side was not seen
     top: float  # m
+    capped: bool  # True if more height above its top was compared; else it may be higher
     covariance: Array  # (3, 3) m², of x, y and radius
     rim: float  # share of directions in which its edge was seen
     filled: float  # share of the known cells inside that are high
@@ -190,11 +191,11 @@ def _are_near(edges: Array, x: float, y: float, radius: float, reach: float = 0.
 @compiled
 def measure(e: Evidence, x: float, y: float, radius: float, prior: tuple[float, float]) -> Crown:
     """Measure a crown near a circle; prior: mean [m] and variance of radii."""
-    covariance, top, found, half = np.full((3, 3), math.nan), math.nan, 0, 0.0
+    covariance, top, capped, found = np.full((3, 3), math.nan), math.nan, False, 0
     points = np.empty((len(_DIRECTIONS), 2))
     reach = _REACH
     for _ in range(_ROUNDS):
-        top, half = _find_top(e, _profile(e, x, y, 0.0, 0.8 * radius))
+        top, half, capped = _find_top(e, _profile(e, x, y, 0.0, 0.8 * radius))
         if math.isnan(top):
             break
         found = 0
@@ -209,7 +210,7 @@ def measure(e: Evidence, x: float, y: float, radius: float, prior: tuple[float, 
         reach = max(0.7 * reach, 0.8)
     filled = _find_filled(e, top, x, y, radius) if found > 0 else 0.0
     base = _find_base(e, _profile(e, x, y, radius - 0.4, radius + 0.1), top) if found > 0 else math.nan
-    return Crown(x, y, radius, base, top, covariance, found / len(_DIRECTIONS), filled)
+    return Crown(x, y, radius, base, top, capped, covariance, found / len(_DIRECTIONS), filled)
 
 
 @compiled
@@ -232,14 +233,17 @@ def _profile(e: Evidence, x: float, y: float, inner: float, outer: float) -> Arr
 
 
 @compiled
-def _find_top(e: Evidence, profile: Array) -> tuple[float, float]:
-    """Height [m] with the most evidence (K,), by a parabola through its neighbours, and half of that; NaN if none."""
+def _find_top(e: Evidence, profile: Array) -> tuple[float, float, bool]:
+    """Height [m] with the most evidence (K,), by a parabola through its neighbours; half of that; if more is known.
+
+    Both are NaN if there is none.
+    """
     best = 0
     for k in range(1, len(profile)):
         if not math.isnan(profile[k]) and (best == 0 or profile[k] > profile[best]):
             best = k
     if best == 0:
-        return math.nan, math.nan
+        return math.nan, math.nan, False
     top = e.heights[best]
     if 1 < best < len(profile) - 1:
         below, above = profile[best - 1], profile[best + 1]
@@ -247,7 +251,7 @@ def _find_top(e: Evidence, profile: Array) -> tuple[float, float]:
         if bend > 0.0:
             shift = 0.5 * (above - below) / bend
             top += abs(shift) * (e.heights[best + (1 if shift > 0.0 else -1)] - top)
-    return top, 0.5 * profile[best]
+    return top, 0.5 * profile[best], best < len(profile) - 1 and not math.isnan(profile[best + 1])
 
 
 @inlined
@@ -259,7 +263,9 @@ def _level_at(e: Evidence, height: float, x: float, y: float) -> float:
     share = min(max((height - e.heights[k]) / (e.heights[k + 1] - e.heights[k]), 0.0), 1.0)
     row, column = find_cell(e, x, y)
     low, high = level_of(e.sums, e.counts, k, row, column), level_of(e.sums, e.counts, k + 1, row, column)
-    return float(high if share > 0.9 else low if share < 0.1 else (1.0 - share) * low + share * high)
+
+    level = high if share > 0.9 else low if share < 0.1 else (1.0 - share) * low + share * high
+    return float(level)
 
 
 @compiled
@@ -350,5 +356,5 @@ def _find_base(e: Evidence, ring: Array, top: float) -> float:
     for k in range(last - 1, 0, -1):
         if not ring[k] >= 0.5 * most:
             share = (0.5 * most - ring[k]) / (ring[k + 1] - ring[k])
-            return e.heights[k] + share * (e.heights[k + 1] - e.heights[k])
+            return float(e.heights[k] + share * (e.heights[k + 1] - e.heights[k]))
     return math.nan

@@ -216,7 +216,8 @@ def _make_tree(crown: Crown) -> MappedTree:
     base, error = (crown.base, _BASE) if seen else (0.5 * crown.top, 0.25 * crown.top)
     covariance = np.zeros((5, 5))
     covariance[:3, :3] = crown.covariance
-    covariance[3, 3], covariance[4, 4] = error * error, (_TOP / min(1.0, 3.0 * crown.rim)) ** 2
+    top_error = _TOP / min(1.0, 3.0 * crown.rim) if crown.capped else 0.4 * crown.top
+    covariance[3, 3], covariance[4, 4] = error * error, top_error * top_error
     rim = 2.0 * math.pi * crown.radius * crown.rim
     tree = Tree(crown.x, crown.y, crown.radius, base, crown.top)
     return MappedTree(tree, covariance, 1.0 - 0.5 * exp(-0.25 * rim), crown.rim)

@@ -192,6 +192,13 @@ def _find_costs(middle: View, before: View, after: View, rays: Array, height: fl
                 cost = min(cost, abs(second - own))
             if views[i, j] > 0:
                 costs[i + 1, j + 1] = _ONE + cost
+    return _find_means(costs, views), views
+
+
+@compiled
+def _find_means(costs: Indices, views: Indices) -> Indices:
+    """Means (rows, columns) of the known costs (rows + 2, columns + 2) of pixels and their neighbours."""
+    rows, columns = views.shape
     sums = np.zeros((rows + 2, columns), dtype=np.int64)
     for i in range(rows + 2):
         for j in range(columns):
@@ -202,7 +209,7 @@ def _find_costs(middle: View, before: View, after: View, rays: Array, height: fl
             total = sums[i, j] + sums[i + 1, j] + sums[i + 2, j]
             if views[i, j] > 0:
                 means[i, j] = (total % _ONE) // (total // _ONE)
-    return means, views
+    return means
 
 
 @compiled
