@@ -22,6 +22,7 @@ LAYERS = {
             "geometry",
             "filter",
             "detection",
+            "mapping",
             "parameters",
             "track",
             "testing",
