@@ -25,7 +25,7 @@ from tracking.fusion.message import (
 )
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.lens import Lens
-from tracking.geometry.visibility import SAMPLES, Forest, Occluders, at_target_height, see_samples
+from tracking.geometry.visibility import NO_TREES, SAMPLES, Occluders, at_target_height, see_samples
 from tracking.management.deletion import count_misses, find_duplicates, find_outcompeted, find_rivals
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.management.input_check import check_scan, check_tracks
@@ -83,15 +83,12 @@ class Tracker:
     gets detections, so that the others end. Detection always depends on the view.
     """
 
-    def __init__(
-        self, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
-    ) -> None:
+    def __init__(self, uav: int, camera: Camera, parameters: TrackerParameters, initial: Sequence[Track] = ()) -> None:
         """Start before the first scan.
 
         Args:
             uav: Number of the UAV.
             camera: Its camera.
-            forest: The known map of trees.
             parameters: Settings of trackers, motion model and fusion rule.
             initial: Tracks of people who are known at the start.
         """
@@ -104,7 +101,7 @@ class Tracker:
         self.parameters = parameters
         self.max_speed = parameters.settings.max_speed
         self._camera = camera
-        self._forest = forest
+        self._forest = NO_TREES  # as believed at the last scan
         self.motion = parameters.motion  # as learned from the speeds of people that the fleet detected
         self.account = ScanAccount()  # of the last scan
         self._messenger = Messenger(uav, parameters)
@@ -145,6 +142,7 @@ class Tracker:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = check_scan(scan)
         between = self._messenger.time, scan.time
+        self._forest = scan.forest
         self._predict(scan.time)
         if self._registration:
             scan = self._registration.correct(scan, self._explain)

@@ -11,7 +11,8 @@ from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
 from tracking.geometry.leaf_gaps import lower_detectabilities
-from tracking.geometry.line_of_sight import Vector
+from tracking.geometry.line_of_sight import Raster, Vector, value_at
+from tracking.geometry.map_errors import DEVIATION
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -73,7 +74,19 @@ def _find_hiding_cylinders(
     points, order = points.reshape(-1, 3), forest.from_west
     reach = forest.reach + _compute_reach(forest.blockers, points, sights.reshape(-1, 5))
     columns, offsets = _find_cylinders_within(points, forest.blockers, reach, order)
-    return forest.blockers[columns], offsets
+    blockers = forest.blockers[columns]
+    if forest.lacks_trees:
+        _expect_unknown_trees(blockers, offsets, points, forest.grid.unknown)
+    return blockers, offsets
+
+
+@compiled
+def _expect_unknown_trees(blockers: Array, offsets: Indices, points: Array, unknown: Raster) -> None:
+    """Set the number per m² of unknown trees in the rows of N points (N, 3) m that stand for them."""
+    for n in range(len(points)):
+        for row in range(offsets[n], offsets[n + 1]):
+            if blockers[row, DEVIATION] == math.inf:
+                blockers[row, 0] = value_at(unknown, points[n, 0], points[n, 1])
 
 
 @compiled

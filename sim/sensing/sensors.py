@@ -79,9 +79,7 @@ class Sensors:
         world: World,
         forest: Forest,
         rng: np.random.Generator,
-        believed_forest: Forest | None = None,
     ) -> None:
-        """`believed_forest`: the map that detectors have; without one, that of the true trees."""
         self._rng = rng
         self._scenario = scenario
         self._renderer = Renderer(world) if scenario.sensing.renders else None
@@ -91,7 +89,7 @@ class Sensors:
         self.noises = [scenario.noise_model(i) for i in uavs]
         self._models = np.array([noise.coefficients for noise in self.noises])
         self._name = scenario.sensing.mode
-        setup = SensorSetup(scenario, forest, self.cameras, rng.spawn(1)[0], believed_forest or forest)
+        setup = SensorSetup(scenario, forest, self.cameras, rng.spawn(1)[0])
         self._mode: SensorMode = SENSOR_MODES.make(self._name, setup)
         self._last = dict[int, Shot]()  # of each UAV
 
@@ -120,7 +118,7 @@ class Sensors:
     @staticmethod
     def rest(shot: Shot) -> Reading:
         """Empty reading at a scan at which the camera takes no frame, which is no negative information."""
-        nothing = Scan(shot.uav, shot.time, shot.pose, np.zeros((0, 2)), np.zeros((0, 2, 2)))
+        nothing = Scan(shot.uav, shot.time, shot.pose, np.zeros((0, 2)), np.zeros((0, 2, 2)), shot.forest)
         unseen = np.zeros(len(shot.people), dtype=np.int64)
         return Reading(nothing, np.zeros((0, 2)), None, unseen, unseen > 0)
 
@@ -134,7 +132,7 @@ class Sensors:
         if self._name in SENSOR_MODES.built_in:
             return self._mode.sense(shot)
         with SENSOR_MODES.errors(self._name, "sense", self._mode, "sense"):
-            return check_output(self._mode.sense(deepcopy(shot)), shot.people)
+            return check_output(self._mode.sense(deepcopy(shot, {id(shot.forest): shot.forest})), shot.people)
 
     def _make_scans(self, shots: Sequence[Shot], outputs: Sequence[SensorOutput]) -> list[Scan]:
         """Scans of all detections, with samples of the UAVs' noise models unless an output forbids it.
@@ -160,7 +158,7 @@ class Sensors:
                 places, covariances = z[first:last], R[first:last]
                 if output.covariances is not None:
                     covariances = covariances + output.covariances
-            scans.append(Scan(shot.uav, shot.time, shot.pose, places, covariances))
+            scans.append(Scan(shot.uav, shot.time, shot.pose, places, covariances, shot.forest))
         return scans
 
     def _complete(self, shot: Shot, output: SensorOutput, scan: Scan, kept: Indices) -> Reading:
@@ -178,7 +176,7 @@ class Sensors:
         matched = np.zeros(len(shot.people), dtype=np.bool_)
         owners = output.owners[kept]
         matched[owners[owners >= 0]] = True
-        scan = Scan(scan.uav, scan.time, scan.pose, z, R)
+        scan = replace(scan, measurements=z, covariances=R)
         image = None if output.frame is None else output.frame.image
         return Reading(scan, pixels, image, output.visible, matched, output.errors)
 

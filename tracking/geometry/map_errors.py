@@ -2,7 +2,7 @@
 
 import math
 
-from tracking.geometry.line_of_sight import PIECE, Grid, Vector, clip, cylinder_of, find_cell
+from tracking.geometry.line_of_sight import PIECE, Grid, Vector, clip, cylinder_of, find_cell, value_at
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
@@ -11,7 +11,8 @@ from tracking.numerics.normal import normal_cdf
 REACH = 3.0  # standard deviations; places farther off from an edge are taken to be surely beyond it
 _THIN = 1.6  # deviations; the radius at which both approximations are equally good
 # Column of cylinders (B, 7): standard deviation [m] of their places along each axis. The last row may have an infinite
-# one: a Poisson field of trees of which the map has none, with their number per m² in place of x.
+# one: a Poisson field of trees of which the map has none, with their number per m² in place of x. If that differs from
+# place to place, the grid has it.
 DEVIATION = 6
 
 
@@ -69,7 +70,9 @@ def clear_probability(origin: Vector, point: Vector, cylinders: Array, grid: Gri
     """
     clear, last = 1.0, len(cylinders) - 1
     if last >= 0 and cylinders[last, DEVIATION] == math.inf:
-        clear = 1.0 - hiding_probability(origin, point, cylinder_of(cylinders, last), math.inf)
+        _, y, radius, bottom, top, extinction = cylinder_of(cylinders, last)
+        density = value_at(grid.unknown, point[0], point[1])
+        clear = 1.0 - hiding_probability(origin, point, (density, y, radius, bottom, top, extinction), math.inf)
     start, end = clip(origin, point, grid.low, grid.high)
     if start > end:
         return clear
