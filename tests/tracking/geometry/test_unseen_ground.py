@@ -64,7 +64,8 @@ def test_the_probability_of_detection_is_the_share_of_drawn_forests_with_a_free_
     lens = Camera(math.radians(120), 128).lens(Pose.level(*camera))
     told = BELIEVED.detectabilities(lens, points)
     free = sum(draw(rng).free_shares(np.array(camera), points)[0] for _ in range(DRAWS)) / DRAWS
-    np.testing.assert_allclose(told, free, atol=0.1)
+    # At the edges of unseen ground the law errs most; 0.05 is three standard errors of the draws.
+    np.testing.assert_allclose(told, free, atol=0.07 + 0.05)
     assert abs(np.mean(told - free)) < 0.025 and np.ptp(free) > 0.3
 
 
