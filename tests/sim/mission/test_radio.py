@@ -104,7 +104,8 @@ def decide(knowledge, k, poses, links):
     taken = [i for i in uavs if knowledge._scenario.has_frame(i, k)]
     scans = {i: Scan(i, time, poses[i], np.zeros((0, 2)), np.zeros((0, 2, 2))) for i in taken}
     knowledge.track(time, scans, links, list(uavs))
-    return knowledge.begin_decision(k, [BodyState(pose, np.zeros(2)) for pose in poses], links, list(uavs))
+    states, forests = [BodyState(pose, np.zeros(2)) for pose in poses], [NO_TREES] * len(poses)
+    return knowledge.begin_decision(k, states, forests, links, list(uavs))
 
 
 def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
