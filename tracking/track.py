@@ -11,6 +11,7 @@ import numpy as np
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import NO_TREES, Forest
 from tracking.numerics.arrays import Array, Flags, Indices
 
 # Existence probability up to which a track is not reported. With existence probability r, squared error e and cut-off
@@ -34,6 +35,7 @@ class Scan:
         pose: pose of the camera, as its UAV believes it.
         measurements: (N, 2) m: east and north, on the ground.
         covariances: (N, 2, 2) m², of the errors of `measurements`.
+        forest: the trees, as its UAV believes at this time.
     """
 
     uav: int
@@ -41,6 +43,7 @@ class Scan:
     pose: Pose
     measurements: Array
     covariances: Array
+    forest: Forest = NO_TREES
 
 
 @dataclass(frozen=True, eq=False)

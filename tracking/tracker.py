@@ -19,7 +19,7 @@ from tracking.fusion.message import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, Message, i
 from tracking.fusion.mixing import join_novel
 from tracking.geometry.camera import Camera
 from tracking.geometry.lens import Lens
-from tracking.geometry.visibility import Forest
+from tracking.geometry.visibility import NO_TREES
 from tracking.management.deletion import find_duplicates
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.management.input_check import check_scan, check_tracks
@@ -60,15 +60,12 @@ class Tracker:
     gets detections, so that the others end. Detection always depends on the view.
     """
 
-    def __init__(
-        self, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
-    ) -> None:
+    def __init__(self, uav: int, camera: Camera, parameters: TrackerParameters, initial: Sequence[Track] = ()) -> None:
         """Start before the first scan.
 
         Args:
             uav: Number of the UAV.
             camera: Its camera.
-            forest: The known map of trees.
             parameters: Settings of trackers, motion model and fusion rule.
             initial: Tracks of people who are known at the start.
         """
@@ -81,13 +78,13 @@ class Tracker:
         self.parameters = parameters
         self.max_speed = parameters.settings.max_speed
         self._camera = camera
-        self._forest = forest
+        self._forest = NO_TREES  # as believed at the last scan
         self.motion = parameters.motion  # as learned from the speeds of people that the fleet detected
         self.account = ScanAccount()  # of the last scan
         self._messenger = Messenger(uav, parameters)
         # What trackers that work together have in common.
         adds_up = type(self._messenger.rule) is HybridConsensus
-        self._shared = forest, parameters.scan, parameters.association, parameters.loss, adds_up
+        self._shared = parameters.scan, parameters.association, parameters.loss, adds_up
         pose_errors = parameters.settings.pose_errors
         self._registration = make_registration(parameters.navigation, pose_errors, known=bool(known))
         self._first = 0.0  # time of the first scan [s]
@@ -133,7 +130,10 @@ class Tracker:
     def step_together(trackers: Sequence["Tracker"], time: float, scans: Mapping[int, Scan]) -> None:
         """Let trackers `step` with their scans at `time` s, by UAV, and the others `coast`."""
         one = trackers[0]
-        if any(tracker._shared != one._shared for tracker in trackers):
+        for tracker in trackers:
+            if tracker.uav in scans:
+                tracker._forest = scans[tracker.uav].forest
+        if any(t._shared != one._shared or t._forest is not one._forest for t in trackers):
             for tracker in trackers:
                 Tracker.step_together([tracker], time, scans)
             return
@@ -145,7 +145,7 @@ class Tracker:
         noise = [scan.covariances if scan else _NO_NOISE for scan in taken]
         found = Found(_find_starts(places), np.concatenate(places), np.concatenate(noise), since)
         optics, frames = (np.array([getattr(t, name) for t in trackers]) for name in ("_optics", "_frames"))
-        forest, scan_settings, association, loss, adds_up = one._shared
+        forest, (scan_settings, association, loss, adds_up) = one._forest, one._shared
         before, after, pairs, told = take_scans(
             starts,
             Columns(
@@ -266,7 +266,7 @@ class Tracker:
             np.concatenate([getattr(m, name) for m in messages]) for name in columns
         )
         told = shares, join_novel(messages), times, views, misses, sightings
-        found = adopt_tracks(starts, told, one._messenger.time, one._shared[1])
+        found = adopt_tracks(starts, told, one._messenger.time, one._shared[0])
         means, covariances, existence, misses, sightings, unlikely, wide, counts = found
         weights = np.full(len(ids), UNSEEN)
         table = TrackTable(ids, means, covariances, existence, weights, times, views, misses, sightings)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -64,23 +65,18 @@ class Knowledge:
     def __init__(
         self,
         scenario: Scenario,
-        forest: Forest,
         initial: Sequence[Track],
         *,
         exchange: Exchange,
         rng: np.random.Generator,
     ) -> None:
-        """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost.
-
-        forest: the map of trees that UAVs believe.
-        """
+        """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost."""
         self._scenario = scenario
-        self._forest = forest
-        # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
-        self._known_forest = replace(forest, trees=tuple(map(replace, forest.trees)))
+        # Planners get their own copies of maps, so that a planner that changes one does not change sensing.
+        self._copies = dict[Forest, Forest]()
         self._vehicles = [_make_vehicle(scenario, i) for i in range(len(scenario.uavs))]
         self._cameras = [vehicle.camera for vehicle in self._vehicles]
-        self.trackers = TrackerFleet(scenario, forest, initial)
+        self.trackers = TrackerFleet(scenario, initial)
         self._area = (scenario.area.width, scenario.area.height)
         settings = scenario.believed_tracking
         people = settings.undetected if settings.initial_tracks == "none" else 0.0
@@ -109,11 +105,11 @@ class Knowledge:
         return [self.trackers[i].tracks if i in working else () for i in range(len(self._cameras))], sent
 
     def begin_decision(
-        self, k: int, bodies: Sequence[BodyState], links: RadioLinks, working: Sequence[int]
+        self, k: int, bodies: Sequence[BodyState], forests: Sequence[Forest], links: RadioLinks, working: Sequence[int]
     ) -> list[Situation]:
         """Go on to the decision of scan k; return the situation of each working UAV.
 
-        bodies: the state of each UAV, as it believes it to be.
+        bodies: the state of each UAV, as it believes it to be; forests: what each believes of the forest.
         """
         time = k / self._scenario.rates.sensing
         fleet = list(map(_move_vehicle, self._vehicles, self._scenario.uavs, bodies))
@@ -126,13 +122,14 @@ class Knowledge:
         for i in working:
             known = [look for j, look in level.items() if heard[i][j]] + self._late_views[i]
             self._late_views[i] = []
-            self._undetected[i].step(time, known, self.trackers[i].tracks, self._forest)
+            self._undetected[i].step(time, known, self.trackers[i].tracks, forests[i])
+        self._copies = {forest: self._copies.get(forest) or _copy(forest) for forest in dict.fromkeys(forests)}
         return [
             Situation(
                 time=time,
                 own=fleet[i],
                 tracks=self.trackers[i].tracks,
-                forest=self._known_forest,
+                forest=self._copies[forests[i]],
                 area=self._area,
                 motion=make_planned_motion(self._scenario, getattr(self.trackers[i], "motion", None)),
                 undetected=self._undetected[i].belief,
@@ -142,3 +139,7 @@ class Knowledge:
             )
             for i in working
         ]
+
+
+def _copy(forest: Forest) -> Forest:
+    return replace(forest, trees=tuple(map(replace, forest.trees)), unknown=deepcopy(forest.unknown))

@@ -1,6 +1,7 @@
 """The mission loop: sense, track, communicate, plan, fly."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from planning.planner import Plan, Planner, Situation
 from planning.planner_loading import give_truth, read_exchange, reset_planner
 from sim.mission.fault import BREAKDOWN, Fault
+from sim.mission.forest_beliefs import make_forest_beliefs
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import draw_links
@@ -22,7 +24,6 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.navigation import make_navigation_errors
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
-from sim.world.believed_forest import believe_forest
 from sim.world.trajectories import Trajectories
 from sim.world.world import World
 from tracking.errors import InputError
@@ -51,7 +52,7 @@ class Mission:
         self.images: list[NDArray[np.uint8] | None] = []  # of the present scan, one per UAV; None: not rendered
         self.present: Snapshot  # of the present scan before its decision, with ground truth; stays when it is over
         self.forest, self.people = make_forest_and_people(scenario, seed)
-        self.believed_forest = believe_forest(self.forest, scenario, seed)
+        self.beliefs = make_forest_beliefs(scenario, self.forest, seed)
         # An oracle gets access to the true positions here.
         self.planner, self.sees_truth = give_truth(planner, partial(_find_places, self.people))
         exchange = read_exchange(self.planner)
@@ -60,11 +61,7 @@ class Mission:
         reset_planner(self.planner, int(chance("memory").integers(2**63)))
         starts = [self.people.at(time).positions for time in (0.0, 1 / scenario.rates.sensing)]
         self._knowledge = Knowledge(
-            scenario,
-            self.believed_forest,
-            make_initial_tracks(scenario, *starts),
-            exchange=exchange,
-            rng=chance("intents"),
+            scenario, make_initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
         )
         self._rounds = exchange.rounds
         self._decisions: list[FlownPlans] = []  # whose plans are flown, or will be, in order of time
@@ -80,7 +77,7 @@ class Mission:
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, flown at present
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         try:
-            self._sensors = Sensors(scenario, self._world, self.forest, chance("sensors"), self.believed_forest)
+            self._sensors = Sensors(scenario, self._world, self.forest, chance("sensors"))
             self._sense_and_track()
         except BaseException:
             self.close()
@@ -165,8 +162,13 @@ class Mission:
         with self.clock.measure("rendering"):
             exposed = [self._sensors.expose(shot) for shot in shots if takes[shot.uav]]
         with self.clock.measure("detection"):
-            taken = iter(self._sensors.read_all(exposed))
-        readings = [next(taken) if takes[shot.uav] else self._sensors.rest(shot) for shot in shots]
+            self.beliefs.observe([shot.frame(self._sensors.cameras[shot.uav]) for shot in exposed if shot.rendered])
+            forests = [self.beliefs.believed(shot.uav) for shot in shots]
+            taken = iter(self._sensors.read_all([replace(shot, forest=forests[shot.uav]) for shot in exposed]))
+        readings = [
+            next(taken) if takes[shot.uav] else self._sensors.rest(replace(shot, forest=forests[shot.uav]))
+            for shot in shots
+        ]
         for i, reading in enumerate(readings):
             faults += [Fault(time, i, f"detector: {error}", error.trace) for error in reading.errors]
         places = np.array([body.position for body in bodies])
@@ -179,7 +181,7 @@ class Mission:
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
                 known = [v + errors.velocity if errors else v for v, errors in velocities]
                 states = list(map(BodyState, self._mislead(stamped), known))
-                self.situations = self._knowledge.begin_decision(k, states, links, self._working)
+                self.situations = self._knowledge.begin_decision(k, states, forests, links, self._working)
         else:
             self.situations = []
         self.faults += faults

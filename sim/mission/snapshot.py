@@ -12,6 +12,7 @@ from planning.planner import Plan
 from sim.mission.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import NO_TREES
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Scan, Track
@@ -68,7 +69,8 @@ class Snapshot:
         flown = self.flown and FlownPlans(self.flown.made, _make_plain(self.flown.plans))
         tracks = [tuple(Track(t.id, t.belief, t.existence, t.sighting) for t in held) for held in self.tracks]
         plans = self.plans and _make_plain(self.plans)
-        return replace(self, tracks=tracks, plans=plans, flown=flown, known_ospa=self.ospa)
+        scans = [replace(scan, forest=NO_TREES) for scan in self.scans]  # forests are large, and seldom change
+        return replace(self, scans=scans, tracks=tracks, plans=plans, flown=flown, known_ospa=self.ospa)
 
     @property
     def error(self) -> float:

@@ -79,9 +79,7 @@ class Sensors:
         world: World,
         forest: Forest,
         rng: np.random.Generator,
-        believed_forest: Forest | None = None,
     ) -> None:
-        """`believed_forest`: the map that detectors have; without one, that of the true trees."""
         self._rng = rng
         self._scenario = scenario
         self._renderer = Renderer(world) if scenario.sensing.renders else None
@@ -91,7 +89,7 @@ class Sensors:
         self.noises = [scenario.noise_model(i) for i in uavs]
         self._models = np.array([noise.coefficients for noise in self.noises])
         self._name = scenario.sensing.mode
-        setup = SensorSetup(scenario, forest, self.cameras, rng.spawn(1)[0], believed_forest or forest)
+        setup = SensorSetup(scenario, forest, self.cameras, rng.spawn(1)[0])
         self._mode: SensorMode = SENSOR_MODES.make(self._name, setup)
         self._last = dict[int, Shot]()  # of each UAV
 
@@ -120,7 +118,7 @@ class Sensors:
     @staticmethod
     def rest(shot: Shot) -> Reading:
         """Empty reading at a scan at which the camera takes no frame, which is no negative information."""
-        nothing = Scan(shot.uav, shot.time, shot.pose, np.zeros((0, 2)), np.zeros((0, 2, 2)))
+        nothing = Scan(shot.uav, shot.time, shot.pose, np.zeros((0, 2)), np.zeros((0, 2, 2)), shot.forest)
         unseen = np.zeros(len(shot.people), dtype=np.int64)
         return Reading(nothing, np.zeros((0, 2)), None, unseen, unseen > 0)
 
@@ -134,7 +132,7 @@ class Sensors:
         if self._name in SENSOR_MODES.built_in:
             return self._mode.sense(shot)
         with SENSOR_MODES.errors(self._name, "sense", self._mode, "sense"):
-            return check_output(self._mode.sense(deepcopy(shot)), shot.people)
+            return check_output(self._mode.sense(deepcopy(shot, {id(shot.forest): shot.forest})), shot.people)
 
     def _measure(self, shots: Sequence[Shot], outputs: Sequence[SensorOutput]) -> list[tuple[Array, Array]]:
         """Measurements (N, 2) m of all detections and their covariances (N, 2, 2) m², by shot.
@@ -174,7 +172,7 @@ class Sensors:
         if len(ground) or output.frame is None:  # without images the mode's order may reveal identities
             order = self._clutter.draw_order(len(kept))
             kept, pixels = kept[order], pixels[order] if len(pixels) else pixels
-        scan = Scan(shot.uav, shot.time, shot.pose, z[kept], R[kept])
+        scan = Scan(shot.uav, shot.time, shot.pose, z[kept], R[kept], shot.forest)
         image = None if output.frame is None else output.frame.image
         return Reading(scan, pixels, image, output.visible, matched, output.errors)
 
