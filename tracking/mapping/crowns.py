@@ -14,7 +14,8 @@ from tracking.numerics.trigonometry import cos_each, sin_each
 LARGEST = 9.0  # m, radius of crowns that are found
 _SMALLEST = 0.75  # m
 _STEP = 0.5  # m, between radii and between centres that are tried
-_SURE = 2.5  # grey levels of evidence beyond which a cell is taken to be high
+_SHARE = 0.35  # of the evidence of the plainest cells, beyond which a cell is taken to be high
+_FAINT, _SURE = 0.6, 2.5  # grey levels; bounds of that
 _MOST = 8.0  # grey levels; less evidence than minus this, or more than three times as much, counts as this
 _BLUR = 0.3  # cells by which edges appear too far outside, as neighbours are compared together
 _SECTORS = 48  # directions in which edges are looked for
@@ -55,17 +56,17 @@ class Window(NamedTuple):
 @compiled
 def find_edges(e: Evidence, window: Window) -> Array:
     """Edges (N, 4) of high regions in a window: x, y [m] and the unit vector inwards."""
-    levels = _find_levels(e.sums, e.counts, window)
+    levels, sure = _find_levels(e.sums, e.counts, window)
     rows, columns = levels.shape
     edges, found = np.empty((rows * columns, 4)), 0
     for i in range(1, rows - 1):
         for j in range(1, columns - 1):
-            if not levels[i, j] > _SURE:
+            if not levels[i, j] > sure:
                 continue
             east, west, north, south = levels[i, j + 1], levels[i, j - 1], levels[i + 1, j], levels[i - 1, j]
             right, up = east - west, north - south
             size = math.sqrt(right * right + up * up)
-            if size > 0.0 and min(min(east, west), min(north, south)) <= _SURE:
+            if size > 0.0 and min(min(east, west), min(north, south)) <= sure:
                 edges[found, 0] = e.corner[0] + (window.column + j + 0.5) * e.cell
                 edges[found, 1] = e.corner[1] + (window.row + i + 0.5) * e.cell
                 edges[found, 2], edges[found, 3] = right / size, up / size
@@ -74,10 +75,11 @@ def find_edges(e: Evidence, window: Window) -> Array:
 
 
 @compiled
-def _find_levels(sums: Sums, counts: Sums, window: Window) -> Array:
+def _find_levels(sums: Sums, counts: Sums, window: Window) -> tuple[Array, float]:
     """The most evidence for any height in each cell of a window, as the mean of it and its neighbours; NaN if unknown.
 
-    Levels far from those that matter count as if they were nearer.
+    Also the level beyond which a cell is high: a share of what the plainest cells have, as light and leaves differ.
+    Levels far from it count as if they were nearer.
     """
     rows, columns = window.last_row - window.row, window.last_column - window.column
     most = np.full((rows, columns), math.nan)
@@ -89,7 +91,10 @@ def _find_levels(sums: Sums, counts: Sums, window: Window) -> Array:
                 if count >= KNOWN and not level <= most[i, j]:
                     most[i, j] = level
     known = np.where(np.isnan(most), 0.0, 1.0)
-    most = np.where(known > 0.0, np.minimum(np.maximum(most, -_SURE), 3.0 * _SURE), 0.0)
+    ranked = np.sort(most.ravel())[: int(known.sum())]  # NaN are last
+    plain = ranked[int(0.95 * len(ranked))] if len(ranked) > 0 else 0.0
+    sure = min(max(_SHARE * plain, _FAINT), _SURE)
+    most = np.where(known > 0.0, np.minimum(np.maximum(most, -sure), 3.0 * sure), 0.0)
     total, number = np.zeros((rows, columns)), np.zeros((rows, columns))
     for i in range(1, rows - 1):
         for j in range(columns):
@@ -100,7 +105,7 @@ def _find_levels(sums: Sums, counts: Sums, window: Window) -> Array:
             count = number[i, j - 1] + number[i, j] + number[i, j + 1]
             mean = (total[i, j - 1] + total[i, j] + total[i, j + 1]) / count
             most[i, j] = mean if count >= 6.0 else math.nan
-    return most
+    return most, sure
 
 
 @compiled
@@ -191,7 +196,7 @@ def _are_near(edges: Array, x: float, y: float, radius: float, reach: float = 0.
 @compiled
 def measure(e: Evidence, x: float, y: float, radius: float, prior: tuple[float, float]) -> Crown:
     """Measure a crown near a circle; prior: mean [m] and variance of radii."""
-    covariance, top, capped, found = np.full((3, 3), math.nan), math.nan, False, 0
+    covariance, top, half, capped, found = np.full((3, 3), math.nan), math.nan, 0.0, False, 0
     points = np.empty((len(_DIRECTIONS), 2))
     reach = _REACH
     for _ in range(_ROUNDS):
@@ -208,7 +213,7 @@ def measure(e: Evidence, x: float, y: float, radius: float, prior: tuple[float, 
         for _ in range(3):
             x, y, radius = _fit(points[:found], x, y, radius, prior, covariance)
         reach = max(0.7 * reach, 0.8)
-    filled = _find_filled(e, top, x, y, radius) if found > 0 else 0.0
+    filled = _find_filled(e, top, 0.5 * half, x, y, radius) if found > 0 else 0.0
     base = _find_base(e, _profile(e, x, y, radius - 0.4, radius + 0.1), top) if found > 0 else math.nan
     return Crown(x, y, radius, base, top, capped, covariance, found / len(_DIRECTIONS), filled)
 
@@ -330,8 +335,8 @@ def _fit(
 
 
 @compiled
-def _find_filled(e: Evidence, top: float, x: float, y: float, radius: float) -> float:
-    """Share of the known cells inside a circle that are high at its top."""
+def _find_filled(e: Evidence, top: float, least: float, x: float, y: float, radius: float) -> float:
+    """Share of the known cells inside a circle with at least some evidence at its top."""
     high, known = 0, 0
     low, far = find_cell(e, x - radius, y - radius), find_cell(e, x + radius, y + radius)
     for i in range(low[0], far[0] + 1):
@@ -340,7 +345,7 @@ def _find_filled(e: Evidence, top: float, x: float, y: float, radius: float) -> 
             if (east - x) ** 2 + (north - y) ** 2 <= 0.9 * radius * radius:
                 level = _level_at(e, top, east, north)
                 known += int(not math.isnan(level))
-                high += int(level > _SURE)
+                high += int(level > least)
     return high / known if known > 0 else 0.0
 
 
