@@ -44,6 +44,7 @@ from planning.testing.made_up_teams import make_random_team
 from sim.environments.observations import Observations
 from sim.exchange.export import EXPORTS, LABELS, check_options, write_labelled_images
 from sim.exchange.export import export as write_export
+from sim.exchange.mapped_trees import list_frames, map_frames, write_stem_map
 from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import name_flight, track_flight
 from sim.facts.columns import make_dataframe
@@ -86,6 +87,7 @@ from tracking.geometry.leaf_gaps import detectability, detectable_share
 from tracking.geometry.line_of_sight import Grid, free_share
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, visible_samples
+from tracking.mapping.mapper import MappedTree, ParallaxMapper, SeenGround, TreeMapper
 from tracking.metrics.ospa import gospa, ospa
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -136,6 +138,12 @@ __all__ = [  # noqa: RUF022 - grouped by who needs the names
     "TARGET_HEIGHT",
     "check_detector",
     "visible_samples",
+    # Whoever maps trees, and authors of mappers.
+    "MappedTree",
+    "ParallaxMapper",
+    "SeenGround",
+    "TreeMapper",
+    "map_trees",
     # Authors of trackers, and whoever tracks scans of their own.
     "Gaussian",
     "Member",
@@ -268,6 +276,27 @@ def track(
         least_score=least_score,
     )
     return Flight(track_flight(flight, name=name_flight(Path(folder))).recording)
+
+
+def map_trees(
+    frames: Flight | Iterable[Frame], *, uav: int = 0, mapper: str = "parallax", out: str | Path | None = None
+) -> tuple[MappedTree, ...]:
+    """Map the trees in the frames of one moving camera, without any knowledge of where trees are.
+
+    Args:
+        frames: Frames of one camera in order of time, or a flight whose frames are rendered again.
+        uav: The UAV of the flight whose camera it is.
+        mapper: Name or "module:Class" of what maps trees, see `TreeMapper`.
+        out: File for the trees as a stem map, which `trees.file` reads.
+
+    Raises:
+        InputError: If an argument cannot be used.
+    """
+    given = list_frames(frames.recording, uav) if isinstance(frames, Flight) else frames
+    found = map_frames(given, mapper)
+    if out is not None:
+        write_stem_map(found, Path(out))
+    return found
 
 
 def mission(

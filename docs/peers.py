@@ -38,7 +38,6 @@ from sim.study.analysis.intervals import estimate_means
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fusion.consensus import step
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
-from tracking.geometry.visibility import Forest
 from tracking.metrics.clearmot import count_switches, find_correspondence
 from tracking.metrics.ospa import gospa
 from tracking.numerics.arrays import Array
@@ -143,7 +142,7 @@ def parameters(cell: Cell, **thresholds: float) -> TrackerParameters:
 
 def ours(scene: Scene, settings: TrackerParameters) -> list[dict[Any, Array]]:
     """Positions of the reported tracks of a scan, by id."""
-    tracker, pose, found = Tracker(0, Camera(ALL_ROUND, 1), Forest(()), settings), Pose.level(0, 0, 60), []
+    tracker, pose, found = Tracker(0, Camera(ALL_ROUND, 1), settings), Pose.level(0, 0, 60), []
     for time, detections in zip(scene.times, scene.detections, strict=True):
         z = np.array(sorted(np.array(d.state_vector, float).ravel().tolist() for d in detections)).reshape(-1, 2)
         step([tracker], [Scan(0, (time - EPOCH).total_seconds(), pose, z, np.tile(R, (len(z), 1, 1)))])

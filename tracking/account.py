@@ -1,6 +1,8 @@
 """Account of what a tracker did in one scan: association, births, deletions and re-acquisitions of tracks."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -77,7 +79,12 @@ class Reacquisition(NamedTuple):
 class ScanAccount:
     """Account of one scan; it holds what the tracker computed anyway, so it costs nothing to keep."""
 
-    association: Association | None = None  # None if the tracker had no frame in this scan
+    find_association: Callable[[], Association] | None = None
     births: list[Birth] = field(default_factory=list)
     deletions: list[Deletion] = field(default_factory=list)
     reacquisitions: list[Reacquisition] = field(default_factory=list)
+
+    @cached_property
+    def association(self) -> Association | None:
+        """Association with the scan; None if the tracker had no frame."""
+        return self.find_association() if self.find_association else None

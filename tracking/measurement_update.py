@@ -13,10 +13,10 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.exponential import exp
 from tracking.numerics.stacks import row_sums
-from tracking.parameters import AssociationSettings, ScanSettings, TrackerParameters
+from tracking.parameters import AssociationSettings, ScanSettings
 from tracking.track import Beliefs
 
-_AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating batches save time
+AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating batches save time
 # Probability that two people in one place give one measurement, and the distance [m] over which it falls.
 _UNRESOLVED, _RESOLUTION = 0.12, 1.0
 
@@ -31,13 +31,6 @@ class ScanPrediction(NamedTuple):
     visible: Array  # (T,), probability of being in plain view
     detectable: Array  # (T,), `visible`, but less if frames before showed no person there or if another person is near
 
-    def select(self, rows: Indices) -> ScanPrediction:
-        """Prediction of some of the tracks."""
-        means, covariances = self.undetected
-        undetected = Beliefs(means[rows], covariances[rows])
-        rest = self.existence[rows], self.visible[rows], self.detectable[rows]
-        return ScanPrediction(self.means[rows], self.covariances[rows], undetected, *rest)
-
 
 class Measured(NamedTuple):
     """N measurements of a scan, and what is known of their places."""
@@ -46,10 +39,6 @@ class Measured(NamedTuple):
     covariances: Array  # (N, 2, 2) m²
     shares: Array  # (N,), probability that enough of a person there shows through leaves to detect them
     lost: Array  # (N,) 1/m², density of lost people away from their tracks
-
-    def select(self, columns: Indices) -> Measured:
-        """Some of the measurements."""
-        return Measured(*(each[columns] for each in self))
 
 
 class ScanUpdate(NamedTuple):
@@ -69,22 +58,23 @@ class ScanUpdate(NamedTuple):
 
 @compiled
 def predict_scan(
-    beliefs: tuple[Array, Array], existence: Array, seen: Flags, missed: Array, settings: ScanSettings
+    beliefs: Beliefs, existence: Array, visible: Array, missed: Array, settings: ScanSettings, starts: Indices
 ) -> ScanPrediction:
-    """Prediction from beliefs at a scan's time.
+    """Prediction from the beliefs of N UAVs at a scan's time; those of UAV n begin at `starts[n]` (N + 1,).
 
-    beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,): probabilities; seen (T, 36): flags of the samples
-    in view; missed (T, 36): likelihoods as from `tracking.filter.negative_information.miss_likelihood`.
+    beliefs: means (T, 4) and covariances (T, 4, 4); existence and visible (T,): probabilities; missed (T, 36):
+    likelihoods as from `tracking.filter.negative_information.miss_likelihood`.
     """
     means, covariances = beliefs
     moved, spread = negative_information_update(means, covariances, temper(missed, settings.negative_information))
-    sums, count, visible = row_sums(missed), missed.shape[1], np.empty(len(seen))
-    detectable = np.empty(len(seen))
-    for t in range(len(seen)):
-        visible[t] = np.count_nonzero(seen[t]) / count
+    sums, count, detectable = row_sums(missed), missed.shape[1], np.empty(len(means))
+    for t in range(len(means)):
         detectable[t] = (1.0 - sums[t] / count) / settings.detection_probability
-    if settings.by_existence:
-        detectable *= 1.0 - _compute_unresolved_probability(means, existence)
+    for n in range(len(starts) - 1 if settings.by_existence else 0):
+        rows = slice(starts[n], starts[n + 1])
+        near = _compute_unresolved_probability(means[rows], existence[rows])
+        for t in range(len(near)):
+            detectable[starts[n] + t] *= 1.0 - near[t]
     return ScanPrediction(means, covariances, Beliefs(moved, spread), existence, visible, detectable)
 
 
@@ -106,25 +96,47 @@ def _compute_unresolved_probability(means: Array, existence: Array) -> Array:
     return _UNRESOLVED * nearest
 
 
-def update_scan(before: ScanPrediction, found: Measured, p: TrackerParameters) -> ScanUpdate:
+@compiled
+def select_tracks(before: ScanPrediction, rows: Indices | slice) -> ScanPrediction:
+    """Prediction of some of the tracks."""
+    undetected = Beliefs(before.undetected[0][rows], before.undetected[1][rows])
+    rest = before.existence[rows], before.visible[rows], before.detectable[rows]
+    return ScanPrediction(before.means[rows], before.covariances[rows], undetected, rest[0], rest[1], rest[2])
+
+
+@compiled
+def update_scan(before: ScanPrediction, found: Measured, settings: AssociationSettings, at_once: int) -> ScanUpdate:
     """Associate a scan's measurements with tracks, and update the tracks.
 
-    Large scenes are updated by independent gating batches. The result is the same, up to the rounding of existence.
+    Scenes of more than `at_once` pairs of tracks and measurements are updated by independent gating batches. The result
+    is the same, up to the rounding of existence.
     """
-    z, R = found.places, found.covariances
     count = len(before.means)
-    if count * len(z) <= _AT_ONCE:
-        return _update_beliefs(before, found, p.association)
-    means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
-    explained, gates, weights = np.zeros(len(z), np.bool_), [], []
-    for rows, columns in find_gating_batches(before.means, before.covariances, z, R, p.measurement_gate):
-        part = _update_beliefs(before.select(rows), found.select(columns), p.association)
-        means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
-        missed[rows], explained[columns] = part.missed, part.explained
-        gates.append(np.column_stack([rows[part.gates[:, 0]], columns[part.gates[:, 1]]]))
-        weights.append(part.weights)
-    pairs = np.concatenate(gates), np.concatenate(weights)
-    return ScanUpdate(means, covariances, existence, missed, *pairs, explained)
+    if count * len(found.places) <= at_once:
+        return _update_beliefs(before, found, settings)
+    means, covariances, existence, missed = (
+        np.empty((count, 4)),
+        np.empty((count, 4, 4)),
+        np.empty(count),
+        np.empty(count),
+    )
+    gates, weights, explained = np.empty((0, 2), np.int64), np.empty(0), np.zeros(len(found.places), np.bool_)
+    z, R = found.places, found.covariances
+    of_tracks, of_places = find_gating_batches(before.means, before.covariances, z, R, settings.gate_probability)
+    for k in range(of_tracks.max() + 1):
+        rows, columns = np.nonzero(of_tracks == k)[0], np.nonzero(of_places == k)[0]
+        near = Measured(z[columns], R[columns], found.shares[columns], found.lost[columns])
+        part = _update_beliefs(select_tracks(before, rows), near, settings)
+        for i in range(len(rows)):
+            t = rows[i]
+            means[t], covariances[t] = part.means[i], part.covariances[i]
+            existence[t], missed[t] = part.existence[i], part.missed[i]
+        for j in range(len(columns)):
+            explained[columns[j]] = part.explained[j]
+        for g in range(len(part.gates)):
+            part.gates[g, 0], part.gates[g, 1] = rows[part.gates[g, 0]], columns[part.gates[g, 1]]
+        gates, weights = np.concatenate((gates, part.gates)), np.concatenate((weights, part.weights))
+    return ScanUpdate(means, covariances, existence, missed, gates, weights, explained)
 
 
 @compiled

@@ -11,6 +11,7 @@ import numpy as np
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import NO_TREES, Forest
 from tracking.numerics.arrays import Array, Flags, Indices
 
 # Existence probability up to which a track is not reported. With existence probability r, squared error e and cut-off
@@ -34,6 +35,7 @@ class Scan:
         pose: pose of the camera, as its UAV believes it.
         measurements: (N, 2) m: east and north, on the ground.
         covariances: (N, 2, 2) m², of the errors of `measurements`.
+        forest: the trees, as its UAV believes at this time.
     """
 
     uav: int
@@ -41,6 +43,7 @@ class Scan:
     pose: Pose
     measurements: Array
     covariances: Array
+    forest: Forest = NO_TREES
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +115,7 @@ def beliefs_of(tracks: Sequence[Track]) -> Beliefs:
 
 @dataclass(eq=False)  # a frozen one takes four times as long to make
 class TrackTable:
-    """Columns of T confirmed tracks of one UAV; `table[rows]` has some of them, `table + other` all of both."""
+    """Columns of T confirmed tracks of one UAV; `table[rows]` has some of them."""
 
     ids: Indices  # (T,)
     means: Array  # (T, 4)
@@ -124,11 +127,13 @@ class TrackTable:
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each
 
-    def __getitem__(self, rows: Indices | Flags) -> TrackTable:
-        return TrackTable(*(column[rows] for column in _COLUMNS(self)))
+    def __getitem__(self, rows: Indices | Flags | slice) -> TrackTable:
+        return TrackTable(*[column[rows] for column in _COLUMNS(self)])
 
-    def __add__(self, other: TrackTable) -> TrackTable:
-        return TrackTable(*map(np.concatenate, zip(_COLUMNS(self), _COLUMNS(other), strict=True)))
+
+def join_tables(tables: Sequence[TrackTable]) -> TrackTable:
+    """Table of all tracks of tables, in copies."""
+    return TrackTable(*map(np.concatenate, zip(*map(_COLUMNS, tables), strict=True)))
 
 
 def make_table(tracks: Sequence[Track], weights: float | Array, times: float | Array) -> TrackTable:

@@ -1,73 +1,50 @@
 """Tracker of one UAV: prediction, data association, measurement update, and management of tracks."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Sized
 from copy import copy
 from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
+from itertools import accumulate
 
 import numpy as np
 
 from tracking.account import Association, Birth, Deletion, DeletionReason, Reacquisition, ScanAccount
 from tracking.association.jpda import gated_likelihood
 from tracking.filter.motion import count_steps, predict_steps
-from tracking.filter.negative_information import miss_likelihood, negative_information_update, temper
-from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
-from tracking.fusion.message import (
-    FIRST_NEW_ID,
-    IDS_PER_SCAN,
-    UAVS,
-    Message,
-    find_latest_sightings,
-    is_new_id,
-    new_id,
-    read_existence,
-)
-from tracking.geometry.camera import Camera, Pose
+from tracking.fleet_scan import NO_FRAME, SHARED_WITHIN, Columns, Found, Views, adopt_tracks, take_scans
+from tracking.fusion.exchange import NO_EVIDENCE, UNSEEN, Messenger, ScanEvidence
+from tracking.fusion.hcmci import HybridConsensus
+from tracking.fusion.message import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, Message, is_new_id, new_id
+from tracking.fusion.mixing import join_novel
+from tracking.geometry.camera import Camera
 from tracking.geometry.lens import Lens
-from tracking.geometry.visibility import SAMPLES, Forest, Occluders, at_target_height, see_samples
-from tracking.management.deletion import count_misses, find_duplicates, find_outcompeted, find_rivals
+from tracking.geometry.visibility import NO_TREES
+from tracking.management.deletion import find_duplicates
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.management.input_check import check_scan, check_tracks
-from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks, turned_density
-from tracking.measurement_update import Measured, ScanPrediction, predict_scan, update_scan
+from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks
+from tracking.measurement_update import ScanPrediction, ScanUpdate
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import power
 from tracking.numerics.matrices import apply
-from tracking.parameters import EXPECTED, SEEN, ScanSettings, TrackerParameters
+from tracking.parameters import TrackerParameters
 from tracking.registration.registration import make_registration
 from tracking.track import (
     DETECTED_AT,
-    EXPECTED_AT,
-    FRAME_AT,
-    FRAME_BEFORE,
     SIGHTED_AT,
-    SURE_AT,
-    THIS_FRAME,
     Beliefs,
     Scan,
     Track,
     TrackTable,
+    join_tables,
     make_table,
     make_tracks,
 )
 
-_VIEWED = 1e-4  # weight of a belief in view without a detection, which matters only if no UAV detected the person
-_SHARED_WITHIN = 1.0  # s since the last detection of each of two tracks that share one person
 _MOST_NEW = IDS_PER_SCAN // 2  # largest number of new tracks in a scan
 _NEW_FOR = 1.0  # s for which a new track takes the id of an older one of the same person
-_NOWHERE = Pose.level(0.0, 0.0, 0.0)
-
-
-class _Frames(NamedTuple):
-    """The frame of a scan and the one before, for compiled code; of a frame that is not there the lens is any one."""
-
-    lens: Lens
-    before: Lens
-    there: bool
-    was_there: bool
-    framed: float  # s, time of the frame before
+_NO_NOISE = np.zeros((0, 2, 2))  # of a scan without measurements
 
 
 class Tracker:
@@ -83,15 +60,12 @@ class Tracker:
     gets detections, so that the others end. Detection always depends on the view.
     """
 
-    def __init__(
-        self, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
-    ) -> None:
+    def __init__(self, uav: int, camera: Camera, parameters: TrackerParameters, initial: Sequence[Track] = ()) -> None:
         """Start before the first scan.
 
         Args:
             uav: Number of the UAV.
             camera: Its camera.
-            forest: The known map of trees.
             parameters: Settings of trackers, motion model and fusion rule.
             initial: Tracks of people who are known at the start.
         """
@@ -104,19 +78,23 @@ class Tracker:
         self.parameters = parameters
         self.max_speed = parameters.settings.max_speed
         self._camera = camera
-        self._forest = forest
+        self._forest = NO_TREES  # as believed at the last scan
         self.motion = parameters.motion  # as learned from the speeds of people that the fleet detected
         self.account = ScanAccount()  # of the last scan
         self._messenger = Messenger(uav, parameters)
+        # What trackers that work together have in common.
+        adds_up = type(self._messenger.rule) is HybridConsensus
+        self._shared = parameters.scan, parameters.association, parameters.loss, adds_up
         pose_errors = parameters.settings.pose_errors
         self._registration = make_registration(parameters.navigation, pose_errors, known=bool(known))
         self._first = 0.0  # time of the first scan [s]
         self._steps = 0.0  # of motion since then
-        self._last_frame: Lens | None = None  # the camera at its pose in the last frame
-        self._last_framed = -math.inf  # time of that frame [s]
+        self._optics = camera.optics.numbers
+        self._last_frame: tuple[float, ...] = NO_FRAME
+        self._frames = self._last_frame, self._last_frame  # of this scan and before
         self._table = make_table(known, UNSEEN, -math.inf)
         self._tracks: tuple[Track, ...] | None = None  # of the table, once somebody has asked for them
-        self._evidence = NO_EVIDENCE  # of a scan not yet fused
+        self._told: tuple[Indices, Array, Array] | None = None  # about a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0.0  # steps of motion since tentative tracks were last predicted
 
@@ -140,37 +118,88 @@ class Tracker:
 
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""
-        p = self.parameters
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
-        z, R = check_scan(scan)
-        between = self._messenger.time, scan.time
-        self._predict(scan.time)
-        if self._registration:
-            scan = self._registration.correct(scan, self._explain)
-            z, R = scan.measurements, scan.covariances
-        lens = self._camera.lens(scan.pose)
-        frames = self._look(scan.time, lens)
-        table = self._table
-        beliefs = Beliefs(table.means, table.covariances)
-        table.times, table.views, *told = _view_tracks(
-            beliefs, table.existence, table.times, frames, self._forest.occluders, scan.time, p.scan
-        )
-        before = ScanPrediction(*beliefs, Beliefs(*told[:2]), table.existence, *told[2:])
-        turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
-        shares = self._forest.detectabilities_through_leaves(lens, at_target_height(z))
-        after = update_scan(before, Measured(z, R, shares, turned), p)
-        self.account.association = Association(table.ids, before, z, R, after)
-        self._evidence = ScanEvidence(beliefs, z, after.gates)
-        if self._registration:
-            self._registration.note(table.ids, beliefs, scan, after.gates, after.weights)
-        columns = table.times, table.views
-        table.weights = _note_detections(
-            after.missed, after.gates, before.visible, columns, (scan.time, SEEN), p.scan.by_existence
+        self.step_together([self], scan.time, {scan.uav: scan})
+
+    def coast(self, time: float) -> None:
+        """Predict to the time of a scan in which this UAV took no frame, which counts as neither hit nor miss."""
+        self.step_together([self], time, {})
+
+    @staticmethod
+    def step_together(trackers: Sequence["Tracker"], time: float, scans: Mapping[int, Scan]) -> None:
+        """Let trackers `step` with their scans at `time` s, by UAV, and the others `coast`."""
+        one = trackers[0]
+        for tracker in trackers:
+            if tracker.uav in scans:
+                tracker._forest = scans[tracker.uav].forest
+        if any(t._shared != one._shared or t._forest is not one._forest for t in trackers):
+            for tracker in trackers:
+                Tracker.step_together([tracker], time, scans)
+            return
+        since = np.array([tracker._messenger.time for tracker in trackers])
+        taken = [tracker._begin(time, scans.get(tracker.uav)) for tracker in trackers]
+        table = join_tables([tracker._table for tracker in trackers])
+        starts = _find_starts([tracker._table.ids for tracker in trackers])
+        places = [scan.measurements if scan else NO_EVIDENCE.measurements for scan in taken]
+        noise = [scan.covariances if scan else _NO_NOISE for scan in taken]
+        found = Found(_find_starts(places), np.concatenate(places), np.concatenate(noise), since)
+        optics, frames = (np.array([getattr(t, name) for t in trackers]) for name in ("_optics", "_frames"))
+        forest, (scan_settings, association, loss, adds_up) = one._forest, one._shared
+        before, after, pairs, told = take_scans(
+            starts,
+            Columns(
+                table.ids,
+                table.means,
+                table.covariances,
+                table.existence,
+                table.weights,
+                table.times,
+                table.views,
+                table.sightings,
+            ),
+            Views(optics, frames, forest.occluders, forest.leaves),
+            found,
+            np.array([(tracker.uav, tracker._messenger.partition.leader) for tracker in trackers]),
+            time,
+            (scan_settings, association, loss),
         )
         table.means, table.covariances, table.existence = after[:3]
-        if self._tentative or not after.explained.all():
-            self._initiate(lens, z[~after.explained], R[~after.explained])
+        for n, (tracker, scan) in enumerate(zip(trackers, taken, strict=True)):
+            rows = slice(int(starts[n]), int(starts[n + 1]))
+            tracker._table = table[rows]
+            tracker._told = (told.keys[rows], told.shares[rows], told.novel[rows]) if adds_up else None
+            if scan:
+                of_this = partial(_select_association, tracker._table.ids, before, after, found, pairs, rows, n)
+                tracker.account.find_association = of_this
+                tracker._finish(scan, after.explained[found.starts[n] : found.starts[n + 1]])
+
+    def _begin(self, time: float, scan: Scan | None) -> Scan | None:
+        """Begin a scan: predict tracks to its time; returns the scan with the errors of the pose that are known."""
+        if scan:
+            z, R = check_scan(scan)
+            if z is not scan.measurements or R is not scan.covariances:
+                scan = replace(scan, measurements=z, covariances=R)
+        self._predict(time)
+        if scan is None:
+            self._frames = NO_FRAME, self._last_frame
+            return None
+        if self._registration:
+            scan = self._registration.correct(scan, self._explain)
+        frame = time, *scan.pose.position.tolist(), *scan.pose.quaternion.tolist()
+        self._frames, self._last_frame = (frame, self._last_frame), frame
+        return scan
+
+    def _finish(self, scan: Scan, explained: Flags) -> None:
+        """Initiate tracks after the update by a scan; explained (N,): flags of measurements that tracks explain."""
+        if self._registration:
+            a = self.account.association
+            assert a
+            beliefs = Beliefs(a.before.means, a.before.covariances)
+            self._registration.note(a.ids, beliefs, scan, a.after.gates, a.after.weights)
+        if self._tentative or not explained.all():
+            lens = self._camera.lens(scan.pose)
+            self._initiate(lens, scan.measurements[~explained], scan.covariances[~explained])
         self._waited = 0.0
 
     def _initiate(self, lens: Lens, z: Array, R: Array) -> None:
@@ -185,16 +214,7 @@ class Tracker:
             ids = [new_id(self._messenger.scans, self.uav, k) for k in range(len(new))]
             self.account.births = [Birth(id, t.origins) for id, t in zip(ids, new, strict=True)]
             begun = [Track(id, t.belief, t.existence) for id, t in zip(ids, new, strict=True)]
-            self._table += make_table(begun, 1.0, time)
-
-    def coast(self, time: float) -> None:
-        """Predict to the time of a scan in which this UAV took no frame, which counts as neither hit nor miss."""
-        self._predict(time)
-        frames, table = self._look(time, None), self._table
-        beliefs = Beliefs(table.means, table.covariances)
-        table.times, table.views, *_ = _view_tracks(
-            beliefs, table.existence, table.times, frames, self._forest.occluders, time, self.parameters.scan
-        )
+            self._table, self._told = join_tables([self._table, make_table(begun, 1.0, time)]), None
 
     def _explain(self, z: Array, R: Array) -> Array:
         """Densities (N,) 1/m² of measurements z (N, 2) m, R (N, 2, 2) m² by the tracks, new people and clutter."""
@@ -219,42 +239,55 @@ class Tracker:
         table.means, table.covariances = predict_steps(self.motion, table.means, table.covariances, elapsed)
         table.existence = table.existence * power(self.parameters.step_survival, elapsed)
 
-    def _look(self, time: float, frame: Lens | None) -> _Frames:
-        """The frame of a scan at `time` s, if there is one, and the one before."""
-        before = self._last_frame or frame or self._camera.lens(_NOWHERE)
-        frames = _Frames(frame or before, before, frame is not None, self._last_frame is not None, self._last_framed)
-        if frame:
-            self._last_frame = frame
-            self._last_framed = time
-        return frames
-
     def message(self, degree: int) -> Message:
         """Message for the first round, to `degree` neighbours."""
-        return self._messenger.message(degree, self._table, self._evidence)
+        if self._told is None:
+            a, evidence = self.account.association, NO_EVIDENCE
+            if a:
+                evidence = ScanEvidence(Beliefs(a.before.means, a.before.covariances), a.measurements, a.after.gates)
+            self._told = self._messenger.tell(self._table, evidence)
+        return self._messenger.message(degree, self._table, self._told)
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks; then merge, delete and re-acquire tracks, as all UAVs do alike."""
-        if self._registration:
-            self._registration.learn(message.ids, message.beliefs.covariances, 1 + message.degree)
-        table, unlikely, wide, rivals = self._adopt(message)
-        merged = self._merge_duplicates(table, ~(unlikely | wide)) if rivals > 1 else {}
-        self._table = self._reacquire(self._delete(table, unlikely, wide, merged))
-        self._tracks = None
-        detected = self._table.sightings[:, SIGHTED_AT] >= self._messenger.time
-        if detected.any() and hasattr(self.motion, "learn"):
-            self.motion = self.motion.learn(self._table.means[detected, 2:])
+        self.accept_together([self], [message])
 
-    def _adopt(self, message: Message) -> tuple[TrackTable, Flags, Flags, int]:
-        """The fleet's tracks with the negative information of all frames and the scan's misses; then as `_adopt`."""
-        self._messenger.accept(message)
-        self._evidence = NO_EVIDENCE
-        columns = message.shares, message.times, message.views, message.misses, message.sightings
-        means, covariances, existence, misses, sightings, unlikely, wide, rivals = _adopt(
-            message.beliefs, columns, self._messenger.time, self.parameters.scan
+    @staticmethod
+    def accept_together(trackers: Sequence["Tracker"], messages: Sequence[Message]) -> None:
+        """Let trackers `accept` a message each."""
+        one = trackers[0]
+        if any(tracker._shared != one._shared for tracker in trackers):
+            for tracker, message in zip(trackers, messages, strict=True):
+                Tracker.accept_together([tracker], [message])
+            return
+        starts = _find_starts([message.ids for message in messages])
+        columns = ("ids", "shares", "times", "views", "misses", "sightings")
+        ids, shares, times, views, misses, sightings = (
+            np.concatenate([getattr(m, name) for m in messages]) for name in columns
         )
-        ids, weights = message.ids.copy(), np.full(len(means), UNSEEN)
-        table = TrackTable(ids, means, covariances, existence, weights, message.times, message.views, misses, sightings)
-        return table, unlikely, wide, rivals
+        told = shares, join_novel(messages), times, views, misses, sightings
+        found = adopt_tracks(starts, told, one._messenger.time, one._shared[0])
+        means, covariances, existence, misses, sightings, unlikely, wide, counts = found
+        weights = np.full(len(ids), UNSEEN)
+        table = TrackTable(ids, means, covariances, existence, weights, times, views, misses, sightings)
+        for n, (tracker, message, of) in enumerate(zip(trackers, messages, counts.tolist(), strict=True)):
+            rows = slice(starts[n], starts[n + 1])
+            if tracker._registration:
+                tracker._registration.learn(message.ids, message.beliefs.covariances, 1 + message.degree)
+            tracker._messenger.accept(message)
+            tracker._told, tracker._tracks = None, None
+            tracker._manage(table[rows], unlikely[rows], wide[rows], of)
+
+    def _manage(self, table: TrackTable, unlikely: Flags, wide: Flags, counts: tuple[int, int, int]) -> None:
+        """Merge, delete and re-acquire tracks, and learn their motion; arguments as in `Adopted`."""
+        ends, rivals, detected = counts
+        merged = self._merge_duplicates(table, ~(unlikely | wide)) if rivals > 1 else {}
+        if merged or ends:
+            table = self._delete(table, unlikely, wide, merged)
+        self._table = table = self._reacquire(table)
+        if detected and hasattr(self.motion, "learn"):
+            seen = table.sightings[:, SIGHTED_AT] >= self._messenger.time
+            self.motion = self.motion.learn(table.means[seen, 2:])
 
     def _merge_duplicates(self, table: TrackTable, among: Flags) -> dict[int, int]:
         """Merge tracks that share one person; returns the row of the track that goes on, by that of the other.
@@ -264,7 +297,7 @@ class Tracker:
         """
         p, scans = self.parameters, self._messenger.scans
         # Tracks of hidden people may be close to each other without competing for a measurement.
-        recent = table.times[:, DETECTED_AT] > self._messenger.time - _SHARED_WITHIN
+        recent = table.times[:, DETECTED_AT] > self._messenger.time - SHARED_WITHIN
         beliefs = table.means, table.covariances
         merged: dict[int, int] = {}
         for kept, other in find_duplicates(beliefs, table.existence, among & recent, p.match_gate):
@@ -277,8 +310,6 @@ class Tracker:
     def _delete(self, table: TrackTable, unlikely: Flags, wide: Flags, merged: Mapping[int, int]) -> TrackTable:
         """The table without its unlikely, wide and merged tracks, which the account and the next message name."""
         gone = unlikely | wide
-        if not merged and not gone.any():
-            return table
         gone[list(merged)] = True
         self._messenger.delete(table.ids[gone].tolist())
         variances = _find_variances(table)
@@ -317,109 +348,30 @@ def _find_variances(table: TrackTable) -> Array:
     return np.asarray(table.covariances[:, 0, 0] + table.covariances[:, 1, 1])
 
 
-@compiled
-def _view_tracks(
-    beliefs: Beliefs,
-    existence: Array,
-    times: Array,
-    frames: _Frames,
-    occluders: Occluders,
-    now: float,
-    settings: ScanSettings,
-) -> tuple[Array, Indices, Array, Array, Array, Array]:
-    """What the frames of a scan at `now` s show of T tracks: the columns `times` and `views`.
-
-    existence (T,): probabilities; times (T, 4), as in the table. Returns also the means and covariances of `undetected`
-    beliefs, `visible` and `detectable` of a `ScanPrediction`.
-    """
-    means, covariances = beliefs
-    views, bits = np.zeros((len(means), 2, len(SAMPLES)), np.bool_), np.zeros((len(means), 2), np.int64)
-    seen = before = np.zeros((len(means), len(SAMPLES)), np.bool_)
-    if frames.there:
-        seen = see_samples(means, covariances, frames.lens, occluders)
-    if frames.was_there:
-        before = see_samples(means, covariances, frames.before, occluders)
-    times, since = times.copy(), np.empty(len(means))  # a message may hold the former ones
-    for t in range(len(means)):
-        for k in range(len(SAMPLES)):
-            views[t, THIS_FRAME, k], views[t, FRAME_BEFORE, k] = seen[t, k], before[t, k]
-            bits[t, THIS_FRAME] |= np.int64(seen[t, k]) << k
-            bits[t, FRAME_BEFORE] |= np.int64(before[t, k]) << k
-        times[t, FRAME_AT] = frames.framed if bits[t, FRAME_BEFORE] > 0 else -np.inf
-        since[t] = now - times[t, FRAME_AT]
-    missed = miss_likelihood(means, covariances, views, since, settings.detection_probability)
-    told = predict_scan(beliefs, existence, seen, missed, settings)
-    moved, spread = told.undetected
-    return times, bits, moved, spread, told.visible, told.detectable
+def _find_starts(parts: Sequence[Sized]) -> Indices:
+    """Where each of N parts starts in all, and where the last ends (N + 1,)."""
+    return np.array([*accumulate(map(len, parts), initial=0)])
 
 
-@compiled
-def _note_detections(
-    missed: Array,
-    gates: Indices,
-    visible: Array,
-    columns: tuple[Array, Indices],
-    levels: tuple[float, float],
-    by_existence: bool,
-) -> Array:
-    """Note in the columns `times` and `views` what a scan detected of T tracks; returns their weights (T,).
-
-    missed (T,) and gates (G, 2) as in a `ScanUpdate`; visible (T,) as in a `ScanPrediction`; levels: time of the
-    scan [s], and probability from which on a person counts as detected.
-    """
-    now, least = levels
-    detected, weights, (times, views) = 1.0 - missed, np.empty(len(missed)), columns
-    without = np.zeros(len(missed), np.bool_) if by_existence else find_outcompeted(gates, detected)
-    for t in range(len(missed)):
-        if detected[t] >= least and not without[t]:
-            times[t, DETECTED_AT] = now
-        if visible[t] >= EXPECTED:
-            times[t, EXPECTED_AT] = now
-        if detected[t] >= SURE:
-            times[t, SURE_AT] = now
-        weights[t] = max(detected[t], UNSEEN + _VIEWED * visible[t])
-    for g in range(len(gates)):
-        views[gates[g, 0], THIS_FRAME] = 0  # the association has already used this frame
-    return weights
-
-
-@compiled
-def _adopt(
-    beliefs: Beliefs, columns: tuple[Array, Array, Indices, Indices, Array], now: float, settings: ScanSettings
-) -> tuple[Array, Array, Array, Indices, Array, Flags, Flags, int]:
-    """Means, covariances, existence, misses and sightings of the fleet's tracks after a scan at `now` s.
-
-    The beliefs have the negative information of all frames. Returns also flags (T,) of tracks that probably are of
-    nobody, by their existence or, with m of n, by their misses; flags (T,) of too wide ones; and how many of the others
-    may share a person with another one.
-    columns: `shares`, `times`, `views`, `misses` and `sightings` of a message.
-    """
-    means, covariances = beliefs
-    shares, times, views, misses, sightings = columns
-    latest = find_latest_sightings(sightings, times, means, now)
-    shown, since = np.zeros((len(means), 2, len(SAMPLES)), np.bool_), np.empty(len(means))
-    undetected = False
-    for t in range(len(means)):
-        since[t] = now - times[t, FRAME_AT]
-        if not times[t, DETECTED_AT] >= now:
-            undetected = True
-            for k in range(len(SAMPLES)):
-                shown[t, THIS_FRAME, k] = views[t, THIS_FRAME] >> k & 1 != 0
-                shown[t, FRAME_BEFORE, k] = views[t, FRAME_BEFORE] >> k & 1 != 0
-    if undetected:
-        missed = miss_likelihood(means, covariances, shown, since, settings.detection_probability)
-        tempered = temper(missed, settings.negative_information)
-        means, covariances = negative_information_update(means, covariances, tempered)
-    counted = count_misses(misses, times, now, settings.delete[1])
-    existence = read_existence(shares) if settings.by_existence else np.ones(len(means))
-    unlikely, wide = np.empty(len(means), np.bool_), np.empty(len(means), np.bool_)
-    recent = np.empty(len(means), np.bool_)
-    for t in range(len(means)):
-        misses_counted = 0
-        for k in range(settings.delete[1]):
-            misses_counted += counted[t] >> k & 1
-        missing = misses_counted >= settings.delete[0]
-        unlikely[t] = existence[t] < settings.deletion_threshold if settings.by_existence else missing
-        wide[t] = covariances[t, 0, 0] + covariances[t, 1, 1] > settings.max_variance
-        recent[t] = times[t, DETECTED_AT] > now - _SHARED_WITHIN and not (unlikely[t] or wide[t])
-    return means, covariances, existence, counted, latest, unlikely, wide, len(find_rivals(existence, recent))
+def _select_association(
+    ids: Indices, before: ScanPrediction, after: ScanUpdate, found: Found, pairs: Indices, rows: slice, n: int
+) -> Association:
+    """The association of UAV n, whose tracks are in `rows`, from those of several."""
+    places, gates = slice(*found.starts[n : n + 2]), slice(*pairs[n : n + 2])
+    undetected = Beliefs(*[column[rows] for column in before.undetected])
+    prior = before.means[rows], before.covariances[rows], undetected, before.existence[rows]
+    return Association(
+        ids,
+        ScanPrediction(*prior, before.visible[rows], before.detectable[rows]),
+        found.places[places],
+        found.covariances[places],
+        ScanUpdate(
+            after.means[rows],
+            after.covariances[rows],
+            after.existence[rows],
+            after.missed[rows],
+            after.gates[gates] - [rows.start, found.starts[n]],
+            after.weights[gates],
+            after.explained[places],
+        ),
+    )

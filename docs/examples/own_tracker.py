@@ -6,7 +6,7 @@ from understory import Gaussian, Track, TrackExchange, beliefs_of, check_tracker
 
 
 class Nearest:
-    def __init__(self, uav, camera, forest, parameters, initial):
+    def __init__(self, uav, camera, parameters, initial):
         self.motion, self.exchange = parameters.motion, TrackExchange(uav, parameters, initial)
         self.tracks, self.time, self.detected = list(initial), None, {}
 

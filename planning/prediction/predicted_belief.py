@@ -11,7 +11,7 @@ from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
 from tracking.geometry.leaf_gaps import lower_detectabilities
-from tracking.geometry.line_of_sight import Vector
+from tracking.geometry.line_of_sight import Raster, Vector
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -38,6 +38,7 @@ class PredictedBelief(NamedTuple):
     blockers: Array  # (B, 6 or 7): cylinders near each of the points, one after another
     offsets: Indices  # (H T K + 1,): index of each point's first cylinder
     weights: Array  # (T,): weight of each target in the objective
+    unknown: Raster  # number per m² of unknown trees around each place, see `Forest.unknown`
 
 
 def predict_belief(situation: Situation, points: Array, covariances: Array) -> PredictedBelief:
@@ -59,6 +60,7 @@ def predict_belief(situation: Situation, points: Array, covariances: Array) -> P
         blockers=blockers,
         offsets=offsets,
         weights=np.ones(len(covariances)),
+        unknown=situation.forest.unknown_around,
     )
 
 
@@ -156,7 +158,7 @@ def add_information(
     p = points[row // (targets * count), row // count % targets, row % count]
     x, y = p[0], p[1]
     blockers = belief.blockers[offsets[row] : offsets[row + 1]]
-    if not _find_visible_shares((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
+    if not _find_visible_shares((x, y, p[2]), height, cameras, belief.views[uav], blockers, belief.unknown, free):
         return False
     for lane in range(LANES):
         # R⁻¹ of `NoiseModel.covariance` in closed form, with the eigenvalues of R along and across the line of sight.
@@ -174,7 +176,7 @@ def add_information(
 
 @inlined
 def _find_visible_shares(
-    point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array
+    point: Vector, height: float, cameras: Array, view: Array, blockers: Array, unknown: Raster, free: Array
 ) -> bool:
     """Set `free` (LANES,) to the detectability of a point for cameras (2, LANES) m at a height; True if any sees it.
 
@@ -186,7 +188,7 @@ def _find_visible_shares(
         near = inside(view, point[0] - east[lane], point[1] - north[lane])
         free[lane] = 1.0 if near else 0.0
         some += near
-    return some > 0 and some > lower_detectabilities(free, cameras, height, point, view[4, 2], blockers)
+    return some > 0 and some > lower_detectabilities(free, cameras, height, point, view[4, 2], blockers, unknown)
 
 
 @inlined

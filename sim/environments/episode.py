@@ -52,7 +52,7 @@ class Episode:
         """Fly to the next decision, or to the end of the mission if no UAV works any more."""
         mission = self.mission
         self._keep_frames()
-        while not (team := mission.team) and not mission.over:
+        while not (team := mission.situations) and not mission.over:
             self._flown.append(mission.step())
             self._keep_frames()
         self.team = {situation.own.id: situation for situation in team}
@@ -84,7 +84,7 @@ class Episode:
         """This scan as a film's frame (720, 1280, 3) RGB, with map, true people, tracks and frames of cameras."""
         if self._film is None:
             self._film = Film(
-                self.mission.scenario, self.mission.forest, planner=NAME, believed=self.mission.believed_forest
+                self.mission.scenario, self.mission.forest, planner=NAME, believed=self.mission.beliefs.believed(0)
             )
         if self._drawn < self.now.time:
             for snapshot in self._flown:

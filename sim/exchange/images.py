@@ -89,7 +89,7 @@ def _detect(shots: _Shots, name: str, uavs: Mapping[int, LoggedUav], forest: For
     found: defaultdict[int, list[LoggedFrame]] = defaultdict(list)
     sizes: dict[int, tuple[int, int]] = {}
     deep = set[int]()  # UAVs whose images have more than 8 bits
-    detectors = make_detectors(name, forest, uavs, np.random.default_rng(0))
+    detectors = make_detectors(name, uavs, np.random.default_rng(0))
     for uav, time, where, image in shots:
         if image.dtype != np.uint8:
             deep.add(uav)
@@ -100,7 +100,7 @@ def _detect(shots: _Shots, name: str, uavs: Mapping[int, LoggedUav], forest: For
         camera = uavs[uav].camera.fit(size, where)
         (at,) = uavs[uav].poses.at(np.array([time]))
         optics = read_settings({"start": (0.0, 0.0), **camera.view}, UavSettings).complete().true_camera
-        frame = Frame(uav, time, optics, Pose(at[:3], at[3:]), image)
+        frame = Frame(uav, time, optics, Pose(at[:3], at[3:]), image, forest)
         with DETECTORS.errors(name, "detect people in an image", detectors[uav], "detect"):
             told = check_detections(detectors[uav].detect(frame))
         rows = zip(told.pixels.tolist(), told.ground.tolist(), told.covariances.tolist(), strict=True)

@@ -1,5 +1,6 @@
 """A flight from elsewhere, placed on common scans: what its UAVs detected, its trees, and its people if known."""
 
+import dataclasses
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -181,6 +182,7 @@ def _place_on_scans(
     poses = np.empty((len(times), len(flight.uavs), 7))
     frames = np.zeros((len(times), len(flight.uavs)), dtype=np.bool_)
     observed: dict[tuple[int, int], Observed] = {}
+    forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     rounded = 0.0
     lost = late = every = unseen = 0
     for i, uav in enumerate(flight.uavs):
@@ -201,8 +203,8 @@ def _place_on_scans(
             frames[k, i] = True
             placed = frame._replace(time=k / rate)
             camera = setting.uavs[i].true_camera
-            observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), camera, sigma, flight.ground)
-            scan = observed[k, i].scan
+            scan, pixels = _observe(placed, i, Pose(pose[:3], pose[3:]), camera, sigma, flight.ground)
+            observed[k, i] = Observed(dataclasses.replace(scan, forest=forest), pixels)
             poses[k, i] = *scan.pose.position, *scan.pose.quaternion
             measured = scan.measurements
             lost += len(frame.detections) - len(measured)
@@ -221,7 +223,6 @@ def _place_on_scans(
         remarks.append(f"detections: {out}; do places, poses, attitudes and angles of view belong together?")
     remarks += _doubt_feet(observed, setting)
     remarks += _remark_on_covariances(flight, [found.scan for found in observed.values()], sigma)
-    forest = Forest(flight.forest.trees, setting.sensing.occlusion)
     return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))
 
 

@@ -2,6 +2,7 @@
 
 import time as clock
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,17 +48,17 @@ def track_flight(
     truth = [flight.people.at(time) if flight.people else (nothing, np.zeros(0)) for time in setting.scan_times]
     people = [positions for positions, _ in truth]
     initial = make_initial_tracks(setting, people[0], people[min(1, len(people) - 1)])
-    trackers = TrackerFleet(setting, believe_forest(flight.forest, setting, seed), initial)
+    trackers, forest = TrackerFleet(setting, initial), believe_forest(flight.forest, setting, seed)
     radio = stream(seed, "network")
     recorder = Recorder()
     for k, time in enumerate(setting.scan_times):
         poses = [Pose(row[:3], row[3:]) for row in flight.poses[k]]
         working = [i for i in uavs if setting.works(i, time)]
-        scans = {i: flight.observed[k, i].scan for i in working if flight.frames[k, i]}
+        scans = {i: replace(flight.observed[k, i].scan, forest=forest) for i in working if flight.frames[k, i]}
         links = draw_links(setting.network, time, flight.poses[k, :, :3], radio)
         sent = trackers.step(time, scans, links, working)
         tracks = [trackers[i].tracks if i in working else () for i in uavs]
-        seen = [scans.get(i) or Scan(i, time, poses[i], nothing, np.zeros((0, 2, 2))) for i in uavs]
+        seen = [scans.get(i) or Scan(i, time, poses[i], nothing, np.zeros((0, 2, 2)), forest) for i in uavs]
         snapshot = Snapshot(
             time=time,
             people=people[k],

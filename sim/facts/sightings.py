@@ -9,6 +9,7 @@ import numpy as np
 from sim.mission.recording import Recording
 from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.line_of_sight import Raster, value_at
 from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
 from tracking.numerics.arrays import Array, Flags, Indices
 
@@ -108,12 +109,15 @@ def tell_pose_error(recording: Recording, k: int, uav: int) -> list[str]:
 
 def tell_map_error(recording: Recording, k: int, uav: int, person: int) -> list[str]:
     """What a UAV's believed map says of a person's place, in a line; none if the true trees say the same."""
-    if recording.believed_forest.trees == recording.forest.trees:
+    believed = recording.believed_at(k, uav)
+    if believed.trees == recording.forest.trees and not isinstance(believed.unknown, Raster):
         return []
     place, setting = recording.people[k, person], recording.setting
     true = tell_sight(setting.true_camera(uav), recording.camera_at(k, uav), place, recording.hiding_forest)
     pose = recording.believed_camera_at(k, uav)
-    told = tell_sight(setting.believed_camera(uav), pose, place, recording.believed_forest)
+    told = tell_sight(setting.believed_camera(uav), pose, place, believed)
+    if told == "in view" and isinstance(believed.unknown, Raster) and value_at(believed.grid.unknown, *place.tolist()):
+        told = "on ground not yet seen"
     states = [text.partition(" by ")[0] for text in (true, told)]
     return [f"{states[1]} by the map that UAVs believe"] if states[0] != states[1] else []
 

@@ -70,7 +70,7 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
             return TrackingReplay(states, f"{name} is a plug-in, which is not run again: {_UNKNOWN}")
     here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
     try:
-        trackers = TrackerFleet(scenario, recording.believed_forest, make_initial_tracks(scenario, here, there))
+        trackers = TrackerFleet(scenario, make_initial_tracks(scenario, here, there))
         for k, links in enumerate(find_recorded_links(recording)):
             time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
             scans = {i: recording.scan_at(k, i) for i in working if recording.frames_taken[k, i]}

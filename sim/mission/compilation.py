@@ -38,7 +38,7 @@ from tracking.fusion.consensus import fuse
 from tracking.fusion.member import Member
 from tracking.geometry.camera import Pose
 from tracking.numerics.compiled import code_folder, find_uncompiled, functions, take_code
-from tracking.testing.stage import FOREST, make_scan
+from tracking.testing.stage import make_scan
 from tracking.track import Track
 
 _MANY = 40  # functions, which take longer to compile than processes take to start
@@ -169,13 +169,13 @@ def _fuse() -> None:
 
 
 def _make_trackers() -> list[Member]:
-    return make_trackers(Scenario(), FOREST, [Track(0, Gaussian(np.zeros(4), np.eye(4)))])
+    return make_trackers(Scenario(), [Track(0, Gaussian(np.zeros(4), np.eye(4)))])
 
 
 def _detect() -> None:
     """Detections in frames that are rendered for it."""
     for (staged,) in stage_frames().values():
-        BlobDetector(FOREST).detect(staged.frame)
+        BlobDetector().detect(staged.frame)
 
 
 def _move() -> None:

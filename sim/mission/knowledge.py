@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -64,23 +65,18 @@ class Knowledge:
     def __init__(
         self,
         scenario: Scenario,
-        forest: Forest,
         initial: Sequence[Track],
         *,
         exchange: Exchange,
         rng: np.random.Generator,
     ) -> None:
-        """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost.
-
-        forest: the map of trees that UAVs believe.
-        """
+        """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost."""
         self._scenario = scenario
-        self._forest = forest
-        # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
-        self._known_forest = replace(forest, trees=tuple(map(replace, forest.trees)))
+        # Planners get their own copies of maps, so that a planner that changes one does not change sensing.
+        self._copies = dict[Forest, Forest]()
         self._vehicles = [_make_vehicle(scenario, i) for i in range(len(scenario.uavs))]
         self._cameras = [vehicle.camera for vehicle in self._vehicles]
-        self.trackers = TrackerFleet(scenario, forest, initial)
+        self.trackers = TrackerFleet(scenario, initial)
         self._area = (scenario.area.width, scenario.area.height)
         settings = scenario.believed_tracking
         people = settings.undetected if settings.initial_tracks == "none" else 0.0
@@ -89,7 +85,7 @@ class Knowledge:
             for _ in self._cameras
         ]
         self.teammates = make_teammates(scenario.network, exchange, rng, self.trackers.relay)
-        self._looks = dict[int, Look]()  # of the frames of the last scan, by UAV
+        self._scans: Mapping[int, Scan] = {}  # of the last instant, by UAV
         # Views of frames at decisions, received later, that the intensity of undetected people does not yet contain.
         self._late_views: list[list[Look]] = [[] for _ in self._cameras]
 
@@ -100,7 +96,7 @@ class Knowledge:
 
         scans: by UAV, of those that took a frame.
         """
-        self._looks = {i: Look(self._cameras[i], scan.pose) for i, scan in scans.items()}
+        self._scans = scans
         sent = self.trackers.step(time, scans, links, working)
         for views, received in zip(self._late_views, self.trackers.relay.received, strict=True):
             for item in received:
@@ -109,39 +105,41 @@ class Knowledge:
         return [self.trackers[i].tracks if i in working else () for i in range(len(self._cameras))], sent
 
     def begin_decision(
-        self, k: int, bodies: Sequence[BodyState], links: RadioLinks, working: Sequence[int]
+        self, k: int, bodies: Sequence[BodyState], forests: Sequence[Forest], links: RadioLinks, working: Sequence[int]
     ) -> list[Situation]:
         """Go on to the decision of scan k; return the situation of each working UAV.
 
-        bodies: the state of each UAV, as it believes it to be.
+        bodies: the state of each UAV, as it believes it to be; forests: what each believes of the forest.
         """
         time = k / self._scenario.rates.sensing
         fleet = list(map(_move_vehicle, self._vehicles, self._scenario.uavs, bodies))
         self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
         takes_time = self._scenario.network.takes_time
         heard = {i: links.find_heard(i, takes_time=takes_time) for i in working}
-        looks = {i: [look for j, look in self._looks.items() if heard[i][j]] for i in working}
+        looks = {j: Look(self._cameras[j], scan.pose) for j, scan in self._scans.items()}
+        # The search map takes cameras to hang as planned, although fixed ones lean and poses err.
+        level = {j: Look(self._cameras[j], Pose(fleet[j].position, fleet[j].attitude)) for j in looks}
         for i in working:
-            # The search map takes cameras to hang as planned, although fixed ones lean and poses err.
-            level = [
-                Look(self._cameras[j], Pose(fleet[j].position, fleet[j].attitude)) for j in self._looks if heard[i][j]
-            ]
-            known, self._late_views[i] = level + self._late_views[i], []
-            self._undetected[i].step(time, known, self.trackers[i].tracks, self._forest)
+            known = [look for j, look in level.items() if heard[i][j]] + self._late_views[i]
+            self._late_views[i] = []
+            self._undetected[i].step(time, known, self.trackers[i].tracks, forests[i])
+        self._copies = {forest: self._copies.get(forest) or _copy(forest) for forest in dict.fromkeys(forests)}
         return [
-            self.teammates.complete(
-                Situation(
-                    time=time,
-                    own=fleet[i],
-                    neighbours=(),
-                    tracks=self.trackers[i].tracks,
-                    forest=self._known_forest,
-                    area=self._area,
-                    motion=make_planned_motion(self._scenario, getattr(self.trackers[i], "motion", None)),
-                    undetected=self._undetected[i].belief,
-                    looks=tuple(looks[i]),
-                    radio_range=self._scenario.network.range,
-                )
+            Situation(
+                time=time,
+                own=fleet[i],
+                tracks=self.trackers[i].tracks,
+                forest=self._copies[forests[i]],
+                area=self._area,
+                motion=make_planned_motion(self._scenario, getattr(self.trackers[i], "motion", None)),
+                undetected=self._undetected[i].belief,
+                looks=tuple(look for j, look in looks.items() if heard[i][j]),
+                radio_range=self._scenario.network.range,
+                **self.teammates.tell(i),
             )
             for i in working
         ]
+
+
+def _copy(forest: Forest) -> Forest:
+    return replace(forest, trees=tuple(map(replace, forest.trees)), unknown=deepcopy(forest.unknown))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from planning.planner import Plan, Planner, Situation
 from planning.planner_loading import give_truth, read_exchange, reset_planner
 from sim.mission.fault import BREAKDOWN, Fault
+from sim.mission.forest_beliefs import make_forest_beliefs
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import draw_links
@@ -23,7 +24,6 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.navigation import make_navigation_errors
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
-from sim.world.believed_forest import believe_forest
 from sim.world.trajectories import Trajectories
 from sim.world.world import World
 from tracking.errors import InputError
@@ -52,7 +52,7 @@ class Mission:
         self.images: list[NDArray[np.uint8] | None] = []  # of the present scan, one per UAV; None: not rendered
         self.present: Snapshot  # of the present scan before its decision, with ground truth; stays when it is over
         self.forest, self.people = make_forest_and_people(scenario, seed)
-        self.believed_forest = believe_forest(self.forest, scenario, seed)
+        self.beliefs = make_forest_beliefs(scenario, self.forest, seed)
         # An oracle gets access to the true positions here.
         self.planner, self.sees_truth = give_truth(planner, partial(_find_places, self.people))
         exchange = read_exchange(self.planner)
@@ -61,26 +61,23 @@ class Mission:
         reset_planner(self.planner, int(chance("memory").integers(2**63)))
         starts = [self.people.at(time).positions for time in (0.0, 1 / scenario.rates.sensing)]
         self._knowledge = Knowledge(
-            scenario,
-            self.believed_forest,
-            make_initial_tracks(scenario, *starts),
-            exchange=exchange,
-            rng=chance("intents"),
+            scenario, make_initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
         )
         self._rounds = exchange.rounds
         self._decisions: list[FlownPlans] = []  # whose plans are flown, or will be, in order of time
         self._flown: FlownPlans | None = None
         self._working = list(range(len(scenario.uavs)))  # UAVs that had not broken down at the present scan
-        self._situations: list[Situation] = []  # of the working UAVs, if a decision is due at the present scan
+        self.situations: list[Situation] = []  # of the working UAVs, if a decision is due; `team` has copies to change
         self._radio = chance("network")
         self._air = None if scenario.wind.is_calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
         self._errors = make_navigation_errors(scenario, chance)
         self._times = scenario.scan_times
         self._k = 0  # the present scan
+        self._altitude_errors: Array | None = None  # m, by which control errs
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, flown at present
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         try:
-            self._sensors = Sensors(scenario, self._world, self.forest, chance("sensors"), self.believed_forest)
+            self._sensors = Sensors(scenario, self._world, self.forest, chance("sensors"))
             self._sense_and_track()
         except BaseException:
             self.close()
@@ -99,7 +96,7 @@ class Mission:
     @property
     def team(self) -> list[Situation]:
         """Copies of the situations of the working UAVs, which have to decide now; empty between decisions."""
-        return [copy_situation(situation) for situation in self._situations]
+        return [copy_situation(situation) for situation in self.situations]
 
     def fly(self) -> Iterator[Snapshot]:
         """Fly the rest of the mission with its planner, and yield a snapshot per scan before flying on.
@@ -132,7 +129,7 @@ class Mission:
     def close(self) -> None:
         """End the mission and free its world."""
         self._k = len(self._times)
-        self._situations = []
+        self.situations = []
         self._world.close()
 
     def __enter__(self) -> "Mission":
@@ -152,19 +149,26 @@ class Mission:
         bodies = self._world.poses()
         cameras = [uav.camera_pose(body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
-        stamped = self._stamp(bodies)
-        turns = zip(self.scenario.uavs, cameras, stamped, self._errors, strict=True)
-        believed = self._mislead([uav.camera_pose(stamp) if e else pose for uav, pose, stamp, e in turns])
-        heights = [own.position[2] - true.position[2] for own, true in zip(believed, cameras, strict=True)]
-        self._altitude_errors = np.array(heights) if any(self._errors) else None  # m, by which control errs
+        stamped, believed = bodies, cameras
+        if any(self._errors):
+            stamped = self._stamp(bodies)
+            turns = zip(self.scenario.uavs, cameras, stamped, self._errors, strict=True)
+            believed = self._mislead([uav.camera_pose(stamp) if e else pose for uav, pose, stamp, e in turns])
+            heights = [own.position[2] - true.position[2] for own, true in zip(believed, cameras, strict=True)]
+            self._altitude_errors = np.array(heights)
         shots = [
             Shot(i, k, time, pose, people, believed[i] if self._errors[i] else None) for i, pose in enumerate(cameras)
         ]
         with self.clock.measure("rendering"):
             exposed = [self._sensors.expose(shot) for shot in shots if takes[shot.uav]]
         with self.clock.measure("detection"):
-            taken = iter(self._sensors.read_all(exposed))
-        readings = [next(taken) if takes[shot.uav] else self._sensors.rest(shot) for shot in shots]
+            self.beliefs.observe([shot.frame(self._sensors.cameras[shot.uav]) for shot in exposed if shot.rendered])
+            forests = [self.beliefs.believed(shot.uav) for shot in shots]
+            taken = iter(self._sensors.read_all([replace(shot, forest=forests[shot.uav]) for shot in exposed]))
+        readings = [
+            next(taken) if takes[shot.uav] else self._sensors.rest(replace(shot, forest=forests[shot.uav]))
+            for shot in shots
+        ]
         for i, reading in enumerate(readings):
             faults += [Fault(time, i, f"detector: {error}", error.trace) for error in reading.errors]
         places = np.array([body.position for body in bodies])
@@ -177,9 +181,9 @@ class Mission:
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
                 known = [v + errors.velocity if errors else v for v, errors in velocities]
                 states = list(map(BodyState, self._mislead(stamped), known))
-                self._situations = self._knowledge.begin_decision(k, states, links, self._working)
+                self.situations = self._knowledge.begin_decision(k, states, forests, links, self._working)
         else:
-            self._situations = []
+            self.situations = []
         self.faults += faults
         self.images = [reading.image for reading in readings]
         self.present = Snapshot(
@@ -225,12 +229,12 @@ class Mission:
 
         A UAV that has broken down has an empty plan.
         """
-        team = self._situations
+        team = self.situations
         if not team:
             if given is not None:
                 check_plans(given, team)  # an error unless empty
             self._command(None)
-            return replace(self.present, flown=self._flown)
+            return self.present.decide(flown=self._flown)
         with self.clock.planning():
             if given is not None:
                 made, faults = check_plans(given, team)
@@ -243,8 +247,7 @@ class Mission:
         every = [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(len(self.scenario.uavs))]
         self.faults += faults
         self._command(every)
-        return replace(
-            self.present,
+        return self.present.decide(
             plans=every,
             flown=self._flown,
             plan_bytes=sent,
@@ -282,7 +285,8 @@ class Mission:
                 steps = rates.physics // rates.sensing
                 flown = self._commands.copy()
                 for i, errors in enumerate(self._errors):
-                    flown[i] -= errors.velocity if errors else 0.0  # control follows the believed velocities
+                    if errors:
+                        flown[i] -= errors.velocity  # control follows the believed velocities
                 winds = None if self._air is None else self._air.steps(steps)
                 self._world.advance(flown, steps, winds, self._altitude_errors)
             for errors in filter(None, self._errors):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from planning.planner import Plan
 from sim.mission.fault import Fault
+from sim.mission.recorded_maps import encode_maps
 from sim.mission.recording import FIELDS, VERSION, Recording, encode_faults
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario, encode_scenario
@@ -20,7 +21,9 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Scan, Track
 
 _BY_SCAN = {
-    name: field.dtype for name, field in FIELDS.items() if field.shape.split(" ")[0] == "K" and name != "frames"
+    name: field.dtype
+    for name, field in FIELDS.items()
+    if field.shape.split(" ")[0] == "K" and name not in ("frames", "maps")
 }
 
 
@@ -102,6 +105,7 @@ class Recorder:
             sees_truth=sees_truth,
             faults=encode_faults(self._faults),
             frames=frames,
+            **encode_maps([scan.forest for scan, _ in self._scans], uavs),
         )
 
 

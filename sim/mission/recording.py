@@ -13,6 +13,7 @@ import numpy as np
 
 from planning.planner import Plan
 from sim.mission.fault import Fault
+from sim.mission.recorded_maps import decode_map
 from sim.mission.snapshot import FlownPlans, Snapshot
 from sim.scenario.loading import decode_recorded
 from sim.scenario.scenario import Scenario
@@ -80,6 +81,12 @@ class Recording:
         repeat: decides, with the seed, the mission's noise.
         frames: True where a camera took a frame in a flight from elsewhere; None for a mission, whose scenario says it.
         believed: as `cameras`, poses that UAVs believe their cameras to have; None if they are the true ones.
+        maps: for each scan and UAV, which of B maps of the forest it believed; None if all believed the one that they
+            were given, `believed_forest`, all the time.
+        map_sizes: rows of `map_trees` of each map.
+        map_trees: the fields of each `Tree`, and the deviation [m] of its place; a row with an infinite deviation is
+            the `unknown_tree`.
+        map_unknown: number per m² of unknown trees in the cells of a raster over the area.
     """
 
     version: Annotated[int, "<i8", ""]
@@ -118,6 +125,10 @@ class Recording:
     repeat: Annotated[int, "<i8", ""]
     frames: Annotated[Flags | None, "|b1", "K n"] = None
     believed: Annotated[Array | None, "<f8", "K n 7"] = None
+    maps: Annotated[Indices | None, "<i8", "K n"] = None
+    map_sizes: Annotated[Indices | None, "<i8", "B"] = None
+    map_trees: Annotated[Array | None, "<f8", "R 8"] = None
+    map_unknown: Annotated[Array | None, "<f8", "B y x"] = None
 
     @property
     def scan_count(self) -> int:
@@ -162,8 +173,21 @@ class Recording:
 
     @cached_property
     def believed_forest(self) -> Forest:
-        """The map of trees that detectors, trackers and planners believed, with the occlusion that they assumed."""
+        """The map of trees that UAVs are given at the start, with the occlusion that they assume."""
         return believe_forest(self.forest, self.setting, self.seed)
+
+    def believed_at(self, k: int, uav: int) -> Forest:
+        """What one UAV, with its detector, tracker and planner, believed of the forest at scan k."""
+        return self.believed_forest if self.maps is None else self._maps[int(self.maps[k, uav])]
+
+    @cached_property
+    def _maps(self) -> list[Forest]:
+        assert self.map_sizes is not None and self.map_trees is not None and self.map_unknown is not None
+        area, occlusion = (self.setting.area.width, self.setting.area.height), self.setting.sensing.occlusion
+        parts = np.split(self.map_trees, np.cumsum(self.map_sizes)[:-1])
+        return [
+            decode_map(rows, unknown, area, occlusion) for rows, unknown in zip(parts, self.map_unknown, strict=True)
+        ]
 
     @property
     def labelled(self) -> bool:
@@ -238,7 +262,7 @@ class Recording:
         """Measurements of one UAV at scan k."""
         rows = self._rows(self.measurement_offsets, k, uav)
         z, R = self.measurements[rows], self.measurement_covariances[rows]
-        return Scan(uav, float(self.times[k]), self.believed_camera_at(k, uav), z, R)
+        return Scan(uav, float(self.times[k]), self.believed_camera_at(k, uav), z, R, self.believed_at(k, uav))
 
     def pixels_at(self, k: int, uav: int) -> Array:
         """Pixels (N, 2) of the detections of one UAV at scan k; (0, 2) in ideal sensing."""
@@ -337,7 +361,8 @@ FIELDS = {
     name: Field(hint.__origin__, *hint.__metadata__)
     for name, hint in get_type_hints(Recording, include_extras=True).items()
 }
-OPTIONAL = ("frames", "believed")  # fields that are not written if they are None
+MAPS = ("maps", "map_sizes", "map_trees", "map_unknown")
+OPTIONAL = ("frames", "believed", *MAPS)  # fields that are not written if they are None
 
 
 def _check_setting(recording: Recording, scenario: Scenario) -> None:

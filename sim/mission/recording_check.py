@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.mission.recording import LONGEST_FAULT, MOST_FAULTS, Recording, decode_faults
+from sim.mission.recording import LONGEST_FAULT, MAPS, MOST_FAULTS, Recording, decode_faults
 from sim.scenario.quantities import REPEATS
 from sim.world.contacts import KINDS
 from tracking.numerics.arrays import Array
@@ -25,6 +25,7 @@ def check_recording(recording: Recording) -> None:
         _check_tracks,
         _check_plans,
         _check_counts,
+        _check_maps,
     ):
         for name, wrong, what in rules(recording):
             if wrong:
@@ -59,10 +60,7 @@ def _check_texts(r: Recording) -> Iterator[Finding]:
 
 
 def _check_world(r: Recording) -> Iterator[Finding]:
-    places, density = r.trees[:, :6], r.trees[:, 6:]
-    yield "trees", not _is_finite(places) or bool(np.any(places[:, [2, 5]] < 0)), "have a radius below 0 or no place"
-    yield "trees", not np.all(density >= 0), "have a leaf area density below 0 or none"
-    yield "trees", bool(np.any(r.trees[:, 3] > r.trees[:, 4])), "have a canopy that ends below its base"
+    yield from _check_trees("trees", r.trees)
     absent = np.isnan(r.people[..., 0])
     partly = bool(np.any(absent != np.isnan(r.people[..., 1])))
     yield "people", partly or not _is_finite(r.people[~absent]), "have places that are partly NaN or not finite"
@@ -114,6 +112,27 @@ def _check_plans(r: Recording) -> Iterator[Finding]:
 def _check_counts(r: Recording) -> Iterator[Finding]:
     for name in ("visible", "bytes_sent", "plan_bytes", "plan_rounds"):
         yield name, bool(np.any(getattr(r, name) < 0)), "holds numbers below 0"
+
+
+def _check_trees(name: str, trees: Array) -> Iterator[Finding]:
+    places, density = trees[:, :6], trees[:, 6:]
+    yield name, not _is_finite(places) or bool(np.any(places[:, [2, 5]] < 0)), "have a radius below 0 or no place"
+    yield name, not np.all(density >= 0), "have a leaf area density below 0 or none"
+    yield name, bool(np.any(trees[:, 3] > trees[:, 4])), "have a canopy that ends below its base"
+
+
+def _check_maps(r: Recording) -> Iterator[Finding]:
+    given = [getattr(r, name) is not None for name in MAPS]
+    yield "maps", any(given) != all(given), f"come without {', '.join(MAPS[1:])}, or these without them"
+    if r.maps is None or r.map_sizes is None or r.map_trees is None or r.map_unknown is None:
+        return
+    yield "maps", bool(np.any((r.maps < 0) | (r.maps >= len(r.map_sizes)))), "name a map that is not there"
+    wrong = bool(np.any(r.map_sizes < 0)) or int(r.map_sizes.sum()) != len(r.map_trees)
+    yield "map_sizes", wrong, f"are not the numbers of {len(r.map_trees)} trees"
+    yield from _check_trees("map_trees", r.map_trees[:, :7])
+    yield "map_trees", not np.all(r.map_trees[:, 7] >= 0), "have a deviation below 0 or none"
+    wrong = 0 in r.map_unknown.shape or not _is_finite(r.map_unknown) or bool(np.any(r.map_unknown < 0))
+    yield "map_unknown", wrong, "are no numbers of trees per m²"
 
 
 def _is_finite(values: Array) -> bool:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from planning.planner import Plan
 from sim.mission.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import NO_TREES
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Scan, Track
@@ -57,12 +58,19 @@ class Snapshot:
         known = self.known_ospa
         return measure_errors(self.tracks, self.working, self.people) if known is None else known
 
+    def decide(self, **changes: Any) -> "Snapshot":  # noqa: ANN401 - of any field
+        """The same with other fields, in a fifth of `replace`'s time."""
+        snapshot = object.__new__(Snapshot)
+        snapshot.__dict__.update(self.__dict__, **changes)
+        return snapshot
+
     def plain(self) -> "Snapshot":
         """The same in classes of ours alone, whatever those of plug-ins are: other processes need not know them."""
         flown = self.flown and FlownPlans(self.flown.made, _make_plain(self.flown.plans))
         tracks = [tuple(Track(t.id, t.belief, t.existence, t.sighting) for t in held) for held in self.tracks]
         plans = self.plans and _make_plain(self.plans)
-        return replace(self, tracks=tracks, plans=plans, flown=flown, known_ospa=self.ospa)
+        scans = [replace(scan, forest=NO_TREES) for scan in self.scans]  # forests are large, and seldom change
+        return replace(self, scans=scans, tracks=tracks, plans=plans, flown=flown, known_ospa=self.ospa)
 
     @property
     def error(self) -> float:

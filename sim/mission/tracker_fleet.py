@@ -12,26 +12,25 @@ from sim.scenario.scenario import Scenario
 from tracking.fusion.consensus import step
 from tracking.fusion.late_scans import FleetState, ScanLog
 from tracking.fusion.member import Member, make_tracker
-from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Indices
 from tracking.track import Scan, Track
 
 
-def make_trackers(scenario: Scenario, forest: Forest, initial: Sequence[Track]) -> list[Member]:
+def make_trackers(scenario: Scenario, initial: Sequence[Track]) -> list[Member]:
     """One tracker per UAV; each has its own parameters and tracks, because a plug-in may change them."""
     made = []
     for i in range(len(scenario.uavs)):
         camera, parameters = scenario.believed_camera(i), make_tracker_parameters(scenario, i)
-        made.append(make_tracker(scenario.tracking.tracker, i, camera, forest, parameters, deepcopy(initial)))
+        made.append(make_tracker(scenario.tracking.tracker, i, camera, parameters, deepcopy(initial)))
     return made
 
 
 class TrackerFleet:
     """The trackers of all UAVs, which agree in each scan by consensus or, if the network takes time, by late scans."""
 
-    def __init__(self, scenario: Scenario, forest: Forest, initial: Sequence[Track]) -> None:
+    def __init__(self, scenario: Scenario, initial: Sequence[Track]) -> None:
         self._network = scenario.network
-        self._trackers = make_trackers(scenario, forest, initial)
+        self._trackers = make_trackers(scenario, initial)
         self.relay = ScanRelay(self._network, len(self._trackers))
         self._k = 0  # number of the next scan
         start = FleetState(self._trackers)

@@ -4,6 +4,7 @@ import gc
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -94,7 +95,7 @@ def warm_up(renders: bool | None = None) -> None:
         if compiles or renders is not False:
             _fly(Scenario(duration=0.6, trees=_FEW, tracking=Tracking(initial_tracks="none")))
             beside = Forest((Tree(4.0, 0.0),))  # the person in the middle of the frame
-            BlobDetector(beside).detect(paint_frame())  # only images need it
+            BlobDetector().detect(replace(paint_frame(), forest=beside))  # only images need it
         # Negative information does not occur within 0.6 s in every forest.
         negative_information_update(np.zeros((1, 4)), np.eye(4)[None], np.linspace(0.1, 1.0, len(SAMPLES))[None])
         gc.freeze()  # a compiler's objects stay; else each full collection goes through them all

@@ -21,19 +21,18 @@ DETECTORS = Registry(
         "segmentation": "sim.sensing.detection_truth:MaskDetector",
     },
     ("detect(frame)",),
-    bare=True,
 )
 
 
-def make_detectors(name: str, forest: object, uavs: Iterable[int], rng: np.random.Generator) -> dict[int, Any]:
+def make_detectors(name: str, uavs: Iterable[int], rng: np.random.Generator) -> dict[int, Any]:
     """The detector of each UAV: one for all, or if it is stateful one each, reset with a seed that `rng` draws.
 
-    forest: for built-in detectors. InputError if a detector cannot be made or reset.
+    InputError if a detector cannot be made or reset.
     """
-    one, made = DETECTORS.make(name, forest), dict[int, Any]()
+    one, made = DETECTORS.make(name), dict[int, Any]()
     stateful = DETECTORS.is_stateful(name, one)
     for uav in uavs:
-        made[uav] = DETECTORS.make(name, forest) if stateful and made else one
+        made[uav] = DETECTORS.make(name) if stateful and made else one
         if stateful:
             DETECTORS.reset(name, made[uav], int(rng.integers(2**63)))
     return made

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from tracking.detection.blob_detector import locate_people
 from tracking.detection.detector import Detections, Frame
-from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.compiled import compiled
@@ -72,8 +71,6 @@ class MaskDetector:
     Positions and covariances are computed from these pixels in the same way as by the blob detector.
     """
 
-    forest: Forest | None = None
-
     def detect(self, frame: Frame, people: NDArray[np.int32]) -> Detections:
         """Detections of the people in a mask (H, W) with -1 elsewhere, ordered from the image's top to its bottom."""
         rows, columns = np.nonzero(people >= 0)
@@ -82,7 +79,7 @@ class MaskDetector:
         # The order is that of the topmost pixels, so that it does not reveal identities.
         first = np.unique(owners, return_index=True)[1]
         blobs = [pixels[owners == owners[k]] for k in np.sort(first)]
-        found = locate_people(frame, blobs, self.forest)
+        found = locate_people(frame, blobs)
         # Detections lie on a pixel of their person, so that metrics do not count people at the edge as false alarms.
         own = [blob[np.argmin(length(blob - blob.mean(axis=0)))] for blob in blobs]
         return replace(found, pixels=np.array(own).reshape(-1, 2))

@@ -56,7 +56,7 @@ def stage_frames(times: Sequence[float] = (0.0,)) -> dict[str, list[StagedFrame]
                 people = view.place_people(time)
                 world.place_people(people, HEADINGS)
                 rendered = renderer.render(view.camera, view.pose)
-                frame = Frame(0, time, view.camera, view.pose, rendered.image)
+                frame = Frame(0, time, view.camera, view.pose, rendered.image, FOREST)
                 staged[name].append(StagedFrame(frame, rendered.people, people))
         return staged
 
@@ -81,7 +81,7 @@ class _Subject:
 
     def make(self) -> Any:  # noqa: ANN401 - a plug-in
         """A new instance, reset if it is stateful."""
-        made = DETECTORS.make(self.name, FOREST)
+        made = DETECTORS.make(self.name)
         DETECTORS.reset(self.name, made, _SEED)
         return made
 

@@ -11,7 +11,6 @@ from sim.sensing.sensor_mode import SensorOutput, SensorSetup, Shot
 from sim.sensing.sensor_output_check import check_detections
 from tracking.detection.detector import Detections, Frame
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import Forest
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
 
@@ -24,14 +23,13 @@ class RenderedMode:
 
     def __init__(self, setup: SensorSetup) -> None:
         self._setup = setup
-        forest, uavs = Forest(setup.believed_forest.trees), range(len(setup.cameras))
-        self._detectors = make_detectors(setup.scenario.sensing.detector, forest, uavs, setup.rng)
+        self._detectors = make_detectors(setup.scenario.sensing.detector, range(len(setup.cameras)), setup.rng)
 
     def sense(self, shot: Shot) -> SensorOutput:
         """As `SensorMode.sense`."""
-        assert shot.rendered is not None
+        assert shot.rendered
         camera, mask, count = self._setup.cameras[shot.uav], shot.rendered.people, len(shot.people)
-        frame = Frame(shot.uav, shot.time, camera, shot.pose, shot.rendered.image)
+        frame = shot.frame(camera)
         found, errors = self._detect(frame, mask)
         if shot.believed_sweep:
             moved = shot.believed_sweep.corrections(camera, frame.pose, found.pixels)

@@ -14,7 +14,7 @@ from sim.sensing.rolling_shutter import Sweep
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest, at_target_height
+from tracking.geometry.visibility import NO_TREES, Forest, at_target_height
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.plugins.plugin_error import PluginError
 from tracking.registration.pose_errors import move_to_believed
@@ -44,6 +44,7 @@ class Shot:
         sweep: motion while the image is read out; None if its rows are exposed at once.
         believed_sweep: the same as the UAV believes, without people.
         rendered: the frame and its mask of people; None without images.
+        forest: the trees, as the UAV believes at this time.
     """
 
     uav: int
@@ -55,6 +56,7 @@ class Shot:
     sweep: Sweep | None = None
     believed_sweep: Sweep | None = None
     rendered: Rendered | None = None
+    forest: Forest = NO_TREES
 
     @property
     def pose(self) -> Pose:
@@ -78,6 +80,11 @@ class Shot:
             believed_sweep=Sweep.between((last.pose, self.pose), (nobody, nobody), elapsed, readout),
         )
 
+    def frame(self, camera: Camera) -> Frame:
+        """The frame of a rendered shot, with the camera as the UAV believes it to be."""
+        assert self.rendered is not None
+        return Frame(self.uav, self.time, camera, self.pose, self.rendered.image, self.forest)
+
     def locate(self, points: Array) -> Array:
         """Where the UAV believes people at points (N, 2) m to be, as its pose errs; NaN where it sees no ground."""
         return points if self.believed is None else move_to_believed(points, self.true, self.believed)
@@ -92,14 +99,12 @@ class SensorSetup:
         forest: true trees and their model of occlusion.
         cameras: one per UAV, as the fleet believes them to be.
         rng: source of what the mode draws at random.
-        believed_forest: the map that UAVs, and so their detectors, believe.
     """
 
     scenario: Scenario
     forest: Forest
     cameras: list[Camera]
     rng: np.random.Generator
-    believed_forest: Forest
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +179,7 @@ class LineOfSightMode:
     def _locate(self, shot: Shot, seen: Flags) -> SensorOutput:
         """Detections of the people (M,) who are seen."""
         if not self._mistaken[shot.uav]:
-            owners = np.flatnonzero(seen)
+            owners = seen.nonzero()[0]
             return SensorOutput(shot.locate(shot.people[owners]), owners, seen.astype(np.int64))
         # Through the lens as believed, a person's pixel shows another place.
         camera, pose = self.setup.scenario.true_camera(shot.uav), shot.true

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from helpers.scenes import CAMERA, MOTION, OPEN, track
+from helpers.scenes import CAMERA, MOTION, track
 
 from tracking.fusion.consensus import step
 from tracking.geometry.camera import Pose
@@ -45,7 +45,7 @@ class Fleet:
     def run(self, links):
         """Seconds of each scan but the first, and the trackers afterwards."""
         parameters = TrackerParameters(MOTION)
-        trackers = [Tracker(i, CAMERA, OPEN, parameters, self.known) for i in range(len(self.uavs))]
+        trackers = [Tracker(i, CAMERA, parameters, self.known) for i in range(len(self.uavs))]
         seconds = []
         for scans in self.scans:
             start = time.process_time()

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 from helpers.graphs import graph
-from helpers.scenes import CAMERA, MOTION, OPEN, R, track
+from helpers.scenes import CAMERA, MOTION, R, track
 
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
@@ -28,7 +28,7 @@ def ready(uavs, fusion):
     parameters = TrackerParameters(MOTION, fusion=fusion)
     known = [track(k, *place, 0.0, 0.0) for k, place in enumerate(PLACES)]
     seen = PLACES + np.random.default_rng(0).normal(0, 0.1, (uavs, *PLACES.shape))
-    trackers = [Tracker(u, CAMERA, OPEN, parameters, known) for u in range(uavs)]
+    trackers = [Tracker(u, CAMERA, parameters, known) for u in range(uavs)]
     for t, z in zip(trackers, seen, strict=True):
         t.step(Scan(t.uav, 0.2, Pose.level(0.0, 0.0, 21.7), z, np.tile(R, (len(z), 1, 1))))
     return trackers

@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 from helpers.peers import StoneSoup
-from helpers.scenes import ALONE, CAMERA, MOTION, OPEN, R, track
+from helpers.scenes import ALONE, CAMERA, MOTION, R, track
 from stonesoup.dataassociator.probability import JPDA, JPDAwithEHM2
 
 from tracking.fusion.consensus import fuse
@@ -39,7 +39,7 @@ class Scene:
 
     def run(self, known=True, whole=False):
         """Seconds of each scan but the first, and the tracker afterwards."""
-        subject, seconds = Tracker(0, CAMERA, OPEN, PARAMETERS, self.known if known else ()), []
+        subject, seconds = Tracker(0, CAMERA, PARAMETERS, self.known if known else ()), []
         for scan in self.scans:
             start = time.process_time()
             subject.step(scan)
@@ -52,7 +52,7 @@ class Scene:
 
     def run_peer(self, associator):
         """The same of Stone Soup, from our tracks after the first scan; its detections are made beforehand."""
-        subject = Tracker(0, CAMERA, OPEN, PARAMETERS, self.known)
+        subject = Tracker(0, CAMERA, PARAMETERS, self.known)
         subject.step(self.scans[0])
         peer, seconds = StoneSoup(PARAMETERS, subject.tracks, R=R, associator=associator), []
         for detections in [peer.detections(scan) for scan in self.scans[1:]]:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 from helpers.nominal import nominal, plain_cost
-from helpers.scenes import CAMERA, MOTION, OPEN, R, track
+from helpers.scenes import CAMERA, MOTION, R, track
 from helpers.timing import least
 
 from planning.baselines import Hover
@@ -65,7 +65,7 @@ def test_scan(benchmark, judged, uavs, targets):
     pose = Pose.level(0.0, 0.0, 21.7)
 
     def ready():
-        trackers = [Tracker(i, CAMERA, OPEN, TrackerParameters(MOTION), known) for i in range(uavs)]
+        trackers = [Tracker(i, CAMERA, TrackerParameters(MOTION), known) for i in range(uavs)]
         return (trackers, [Scan(i, 0.2, pose, z, np.tile(R, (targets, 1, 1))) for i, z in enumerate(seen)]), {}
 
     def once(trackers, scans):

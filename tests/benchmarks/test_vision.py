@@ -78,7 +78,7 @@ def report(what, seconds, floor, bound, judged):
 def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged, located):
     """From rendering to detections, against the engine's call alone in a client with nothing but the bodies in view."""
     forest, views = flown
-    detect = BlobDetector(forest if located == "with the map" else None).detect
+    detect, known = BlobDetector().detect, forest if located == "with the map" else None
     trees, times = len(forest.trees), []
     with World(SCENARIO, forest, len(views[0].people)) as world:
         renderer = Renderer(world)
@@ -95,7 +95,7 @@ def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged, l
                 times.append(
                     least(
                         lambda v=view: detect(
-                            Frame(v.uav, 0.0, v.camera, v.pose, renderer.render(v.camera, v.pose).image)
+                            Frame(v.uav, 0.0, v.camera, v.pose, renderer.render(v.camera, v.pose).image, known)
                         ),
                         lambda v=view, client=bare.client: capture(client, v.camera, v.pose),
                         rounds=10 if judged else 1,

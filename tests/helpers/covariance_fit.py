@@ -105,7 +105,7 @@ def fit_split(seed: int, frames: int) -> SplitError:
     for k, (tilt, sway) in enumerate(((0.0, 0.0),) * len(TILTS) + TILTS):
         rng = np.random.default_rng([seed, 4, k])
         for pair in draw_pairs(rng, frames=frames, attitudes=draw_tilted_attitudes(rng, tilt, frames, sway)):
-            found = locate_people(pair.frame, pair.blobs, Forest(()))
+            found = locate_people(pair.frame, pair.blobs)
             lens = pair.frame.camera.lens(pair.frame.pose)
             axes, tangents = sight_axes(lens, found.ground)
             alone = np.einsum("nij,nik,nkj->nj", axes, found.covariances, axes)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from helpers.scenes import CAMERA, MOTION, OPEN
+from helpers.scenes import CAMERA, MOTION
 from sim.sensing.navigation import NavigationErrors
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import step
@@ -77,7 +77,7 @@ def make_fleet(seed, figures, *, uavs=2, scans=51, people=2, path=hover, jumps=(
         made.append(now)
         walked.append(state)
         offsets.append([e._drift[:2] + j for e, j in zip(errors, jumped, strict=True)])
-    fleet = [Tracker(i, CAMERA, OPEN, parameters, initial) for i in range(uavs)]
+    fleet = [Tracker(i, CAMERA, parameters, initial) for i in range(uavs)]
     return ErringFleet(fleet, made, np.array(walked), np.array(offsets), np.array([e.clock for e in errors]))
 
 

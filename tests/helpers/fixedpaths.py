@@ -78,7 +78,7 @@ class Mission:
         places = np.vstack([self.truth[k, seen, :2], alarms])
         R = np.array([NOISES[uav % 3].covariance(pose.position[:2], x) for x in places]).reshape(-1, 2, 2)
         noise = np.linalg.cholesky(R) @ rng.normal(size=(len(R), 2, 1))
-        return Scan(uav, k * MOTION.dt, pose, places + noise[..., 0], R)
+        return Scan(uav, k * MOTION.dt, pose, places + noise[..., 0], R, c.forest)
 
 
 def _moved(case: Case, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -113,7 +113,7 @@ def errors(mission: Mission, fusion: str) -> tuple[np.ndarray, np.ndarray]:
     c = mission.case
     parameters = TrackerParameters(c.motion, detection_probability=c.detection, clutter_density=c.alarms, fusion=fusion)
     initial = [Track(i, Gaussian(mean, START)) for i, mean in enumerate(mission.known)]
-    fleet = [Tracker(u, CAMERA, c.forest, parameters, initial) for u in range(len(c.altitudes))]
+    fleet = [Tracker(u, CAMERA, parameters, initial) for u in range(len(c.altitudes))]
     logs = [ScanLog(u, FleetState(fleet), 2 * c.late) for u in range(len(fleet)) if c.late]
     out = np.full((SCANS, len(fleet), c.people, 2), np.nan)
     elsewhere = np.zeros(out.shape[:3], dtype=bool)

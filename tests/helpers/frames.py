@@ -20,8 +20,8 @@ MARGIN = 16  # pixels around the image in which people cut by its edge are seen 
 WIDE = Camera(2 * math.atan((CAMERA.pixels / 2 + MARGIN) / CAMERA.focal), CAMERA.pixels + 2 * MARGIN)
 
 
-def frame(image, pose, camera=CAMERA):
-    return Frame(0, 0.0, camera, pose, np.ascontiguousarray(image))
+def frame(image, pose, camera=CAMERA, forest=None):
+    return Frame(0, 0.0, camera, pose, np.ascontiguousarray(image), forest)
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def photographed(people=1, forest=OPEN, scenario=SCENARIO):
         def shoot(pose, places, headings, camera=CAMERA, known=None):
             world.place_people(np.atleast_2d(places), np.atleast_1d(headings))
             rendered = renderer.render(camera, pose)
-            return rendered, BlobDetector(known).detect(frame(rendered.image, pose, camera))
+            return rendered, BlobDetector().detect(frame(rendered.image, pose, camera, known))
 
         yield shoot
 

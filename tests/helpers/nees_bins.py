@@ -20,14 +20,14 @@ HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # shares that trees and the imag
 
 def compute_nees(population: Sequence[Sample]) -> Array:
     """NEES (N,) of the samples with the detector's covariances; two degrees of freedom."""
-    found = [locate_people(s.frame, s.blobs, s.forest, np.zeros(len(s.blobs), dtype=np.int64)) for s in population]
+    found = [locate_people(s.frame, s.blobs, np.zeros(len(s.blobs), dtype=np.int64)) for s in population]
     errors = np.array([f.ground[0] - s.person for f, s in zip(found, population, strict=True)]).reshape(-1, 2)
     return squared_distance(errors, np.array([f.covariances[0] for f in found]).reshape(-1, 2, 2))
 
 
 def _compute_nees_of_pairs(population: Sequence[Pair]) -> Array:
     """NEES (2 N,) of people in pairs told apart."""
-    found = [locate_people(p.frame, p.blobs, Forest(()), p.components) for p in population]
+    found = [locate_people(p.frame, p.blobs, p.components) for p in population]
     errors = np.concatenate([f.ground - p.people for f, p in zip(found, population, strict=True)])
     return squared_distance(errors, np.concatenate([f.covariances for f in found]))
 

@@ -99,7 +99,7 @@ def draw_samples(
             for each in (world, bare):
                 each.place_people(people, headings)
             rendered = full.render(camera, pose)
-            frame = Frame(0, 0.0, camera, pose, rendered.image)
+            frame = Frame(0, 0.0, camera, pose, rendered.image, forest)
             whole = alone.render(wide, pose).people
             blobs, components = find_blobs(frame)
             for i, blob in enumerate(blobs):
@@ -153,7 +153,7 @@ def draw_pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Arr
             people = np.array([first, first + gap * np.array([math.cos(bearing), math.sin(bearing)])])
             world.place_people(people, rng.uniform(-math.pi, math.pi, 2))
             rendered = renderer.render(camera, pose)
-            frame = Frame(0, 0.0, camera, pose, rendered.image)
+            frame = Frame(0, 0.0, camera, pose, rendered.image, Forest(()))
             blobs, components = find_blobs(frame)
             if len(blobs) == 2 and components[0] == components[1] and _touch(rendered.people):
                 yield Pair(frame, blobs, components, people[_find_owners(frame, blobs, people)])

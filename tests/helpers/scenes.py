@@ -1,6 +1,7 @@
 """Trackers and scans to play with."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,8 +32,19 @@ def scan(k: int, *points, uav: int = 0, pose: Pose = ABOVE) -> Scan:
     return Scan(uav, 0.2 * k, pose, z, np.tile(R, (len(z), 1, 1)))
 
 
+class SureTracker(Tracker):
+    """A tracker whose UAV believes one forest in all scans."""
+
+    def __init__(self, *arguments, forest: Forest) -> None:
+        super().__init__(*arguments)
+        self.forest = forest
+
+    def step(self, scan: Scan) -> None:
+        super().step(replace(scan, forest=self.forest))
+
+
 def tracker(*initial: Track, uav: int = 0, forest: Forest = OPEN, **settings) -> Tracker:
-    return Tracker(uav, CAMERA, forest, TrackerParameters(MOTION, **settings), initial)
+    return SureTracker(uav, CAMERA, TrackerParameters(MOTION, **settings), initial, forest=forest)
 
 
 def play(subject: Tracker, scans) -> list[tuple[int, ...]]:

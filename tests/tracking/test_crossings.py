@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers.peers import StoneSoup
-from helpers.scenes import OPEN, H
+from helpers.scenes import H
 
 from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
@@ -94,7 +94,7 @@ class Crossing:
 
 def ours(crossing: Crossing) -> list[list[Track]]:
     """Tracks after each scan."""
-    subject = Tracker(0, CAMERA, OPEN, crossing.parameters, crossing.known)
+    subject = Tracker(0, CAMERA, crossing.parameters, crossing.known)
     subject.coast(0.0)
     out = []
     for scan in crossing.scans:

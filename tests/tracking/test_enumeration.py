@@ -16,7 +16,7 @@ from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.measurement_update import Measured, associate, predict_scan
 from tracking.parameters import TrackerParameters
 from tracking.settings import DAY
-from tracking.track import Scan, Track
+from tracking.track import Beliefs, Scan, Track
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
 FILTER = {
@@ -155,10 +155,11 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
     for _ in range(40):
         people, settings = scene(rng)
         p, visible, scan = TrackerParameters(MOTION, **settings), rng.integers(0, 2), measured(rng, 0, people, ABOVE)
-        beliefs = np.array([a.mean for a in people]), np.array([a.covariance for a in people])
+        beliefs = Beliefs(np.array([a.mean for a in people]), np.array([a.covariance for a in people]))
         seen = np.full((len(people), 36), bool(visible))
         empty = 1 - p.settings.detection_probability * seen
-        before = predict_scan(beliefs, np.array([a.r for a in people]), seen, empty, p.scan)
+        existence, whose = np.array([a.r for a in people]), np.array([0, len(people)])
+        before = predict_scan(beliefs, existence, seen.mean(axis=1), empty, p.scan, whose)
         lost = 10 ** rng.uniform(-6, 0, len(scan.measurements))
         shares = rng.uniform(0.0, 1.0, len(scan.measurements)) if rng.random() < 0.5 else np.ones(len(lost))
         found = Measured(scan.measurements, scan.covariances, shares, lost)
@@ -231,10 +232,10 @@ def test_a_track_half_under_leaves_is_as_probable_as_its_person_wherever_it_is_m
     rng, draws = np.random.default_rng(4), 20000
     p = TrackerParameters(MOTION, clutter_density=0.02, gate_probability=0.9999)
     forest, lens = Forest((Tree(20.0, 0.0, 20.0, leaf_area_density=1.5),)), CAMERA.lens(ABOVE)  # leaves to the east
-    beliefs = np.zeros((1, 4)), np.diag([1.0, 1.0, 0.1, 0.1])[None]
+    beliefs = Beliefs(np.zeros((1, 4)), np.diag([1.0, 1.0, 0.1, 0.1])[None])
     seen = visible_samples(forest, *beliefs, lens)[:, 0]
     empty = 1.0 - p.settings.detection_probability * seen
-    before = predict_scan(beliefs, np.array([0.5]), seen, empty, p.scan)
+    before = predict_scan(beliefs, np.array([0.5]), seen.mean(axis=1), empty, p.scan, np.array([0, 1]))
     places = rng.normal(size=(draws, 2))
     shown = forest.detectabilities(lens, at_target_height(places)) * p.settings.detection_probability
     exists, errors = rng.random(draws) < 0.5, {"leaves": [], "open": [], "none": []}

@@ -36,7 +36,7 @@ class Minimal:
 
 
 def tracker(model, *initial: Track, **settings) -> Tracker:
-    return Tracker(0, Camera(ALL_ROUND, 128), OPEN, TrackerParameters(model, **settings), initial)
+    return Tracker(0, Camera(ALL_ROUND, 128), TrackerParameters(model, **settings), initial)
 
 
 def step(subject: Tracker, now: float, *points) -> None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers.scenes import CAMERA, MOTION, OPEN
+from helpers.scenes import CAMERA, MOTION
 
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
@@ -73,5 +73,5 @@ def test_wrong_steps_and_noise_of_a_motion_are_named(field, value, allowed):
 )
 def test_initial_tracks_that_are_no_beliefs_are_refused_in_one_line(mean, covariance, existence, complaint):
     with pytest.raises(ValueError, match=complaint) as raised:
-        Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [Track(7, Gaussian(mean, covariance), existence)])
+        Tracker(0, CAMERA, TrackerParameters(MOTION), [Track(7, Gaussian(mean, covariance), existence)])
     assert "\n" not in str(raised.value)

@@ -6,28 +6,33 @@ import numpy as np
 
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import log
 
 _TRACKS = 64  # number of tracks to collect in a batch: for smaller batches calls cost more than arithmetic
 _ROOM = 1.001  # factor by which boxes exceed gates, for rounding
 
 
+@compiled
 def find_gating_batches(
-    means: Array, covariances: Array, measurements: Array, noise: Array, gate: float
-) -> list[tuple[Indices, Indices]]:
-    """Indices of tracks and of measurements, ascending, of batches that share no gate.
+    means: Array, covariances: Array, measurements: Array, noise: Array, gate_probability: float
+) -> tuple[Indices, Indices]:
+    """Numbers of the batches (T,) of tracks and (N,) of measurements; batches share no gate.
 
-    Each track is in one batch; a measurement near no track is in none. A batch consists of whole connected components
-    of the graph of gates, which JPDA calls clusters.
+    Each track is in one batch; a measurement near no track is in none, -1. A batch consists of whole connected
+    components of the graph of gates, which JPDA calls clusters. There may be numbers without a batch.
     means (T, 4) and covariances (T, 4, 4) of tracks; measurements (N, 2) m and their covariances `noise` (N, 2, 2) m²;
-    gate: largest squared Mahalanobis distance.
+    gate_probability: that a person's measurement is in the gate.
     """
-    roots = _find_roots(means, covariances, measurements, noise, gate)
-    firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)
-    batch = (np.cumsum(counts) - counts) // _TRACKS  # whole components, one after the other
-    near = np.minimum(np.searchsorted(firsts, roots[len(means) :]), len(firsts) - 1)
-    of_measurements = np.where(firsts[near] == roots[len(means) :], batch[near], -1)
-    numbers = np.unique(batch).tolist()
-    return [(np.flatnonzero(batch[component] == k), np.flatnonzero(of_measurements == k)) for k in numbers]
+    roots = _find_roots(means, covariances, measurements, noise, -2.0 * log(1.0 - gate_probability))
+    sizes, batches, before = np.zeros(len(roots), np.int64), np.full(len(roots), -1), 0
+    for t in range(len(means)):
+        sizes[roots[t]] += 1
+    for t in range(len(means)):
+        if sizes[t] > 0:
+            batches[t] = before // _TRACKS  # whole components, one after the other
+            before += sizes[t]
+    numbers = batches[roots]
+    return numbers[: len(means)], numbers[len(means) :]
 
 
 @compiled

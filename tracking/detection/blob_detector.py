@@ -15,7 +15,6 @@ from tracking.detection.partial_visibility import find_places
 from tracking.detection.person_size import sizes_at
 from tracking.geometry.lens import Lens, ground_point, image_point
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
@@ -132,27 +131,24 @@ def _meets_ground(lens: Lens, blob: Array) -> bool:
 class BlobDetector:
     """Detector by colour and connected components, with one detection per person who is visible at all.
 
-    With a forest, a person hidden in part by trees or the image's edge is located where just this part would show. Of
+    With a map, a person hidden in part by trees or the image's edge is located where just this part would show. Of
     people seen through a porous crown, the covariance grows with the share that does not show.
     """
-
-    forest: Forest | None = None
 
     def detect(self, frame: Frame) -> Detections:
         """Detect the people in one frame, from the image's top to its bottom."""
         blobs, components = find_blobs(frame)
-        return locate_people(frame, blobs, self.forest, components)
+        return locate_people(frame, blobs, components)
 
 
-def locate_people(
-    frame: Frame, blobs: list[Array], forest: Forest | None, components: Indices | None = None
-) -> Detections:
-    """Detections of people from blobs, each the pixels (K, 2) of one person; a forest locates people hidden in part.
+def locate_people(frame: Frame, blobs: list[Array], components: Indices | None = None) -> Detections:
+    """Detections of people from blobs, each the pixels (K, 2) of one person; a map locates people hidden in part.
 
     components (N,): the component that each blob is from, as from `find_blobs`.
     """
     found = detections_of(frame, blobs)
-    if forest is not None:
+    if frame.forest is not None:
+        forest = frame.forest.as_mapped
         leaves = are_behind_leaves(frame, found.ground, forest)
         if leaves.any():
             found.covariances[leaves] += leaf_covariances(frame, found, blobs)[leaves]

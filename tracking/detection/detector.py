@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 
@@ -20,6 +21,7 @@ class Frame:
         camera: the camera, as its UAV believes it to be.
         pose: pose of the camera, as its UAV believes it.
         image: (H, W, 3) RGB, 0 to 255, rows from the top.
+        forest: the trees, as its UAV believes at this time; None if it has no map.
     """
 
     uav: int
@@ -27,6 +29,7 @@ class Frame:
     camera: Camera
     pose: Pose
     image: NDArray[np.uint8]
+    forest: Forest | None = None
 
 
 @dataclass(frozen=True, eq=False)

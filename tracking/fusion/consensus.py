@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracking.fusion.member import Member
+from tracking.fusion.member import Member, accept_messages, step_members
 from tracking.fusion.message import EMPTY, EndedTrack, Message, Partition, are_alike, count_plain_numbers
 from tracking.fusion.mixing import count_novel, make_columns, mix_rounds, mix_tracks, stack_alike, stack_messages, widen
 from tracking.fusion.track_association import associate_tracks
@@ -43,8 +43,7 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
                 fleet.mix(of, [member.max_speed for member in members])
             messages = [fleet.message(i) for i in range(len(members))]
         sent += linked.any(axis=1) * sizes
-    for member, message in zip(members, messages, strict=True):
-        member.accept(message)
+    accept_messages(members, messages)
     return sent
 
 
@@ -79,11 +78,7 @@ def step(
     unknown = set(given) - {tracker.uav for tracker in fleet}
     if unknown:
         raise ValueError(f"scans of UAVs {sorted(unknown)}, of which the fleet has no tracker")
-    for tracker in fleet:
-        if tracker.uav in given:
-            tracker.step(given[tracker.uav])
-        else:
-            tracker.coast(times[0])
+    step_members(fleet, times[0], given)
     graph = ~np.eye(len(fleet), dtype=np.bool_) if adjacency is None else adjacency
     return fuse(fleet, graph, rounds, lost)
 

@@ -43,8 +43,8 @@ class Messenger:
         self.uav = uav
         self.scans = 0
         self.time = -math.inf  # s, of the last scan
-        self._rule = make_fusion_rule(parameters.fusion)
-        self._partition = Partition(0, -math.inf)  # as last heard
+        self.rule = make_fusion_rule(parameters.fusion)
+        self.partition = Partition(0, -math.inf)  # as last heard, or the UAV's own
         self._deleted: dict[int, float] = {}  # by id, the time [s] up to which sightings of the track are void
 
     def begin(self, time: float) -> None:
@@ -52,40 +52,45 @@ class Messenger:
         if not time > self.time:
             raise ValueError(f"scan at {time} s is not after the last one at {self.time} s")
         if self.scans == 0:
-            self._partition = Partition(0, time)  # at the start the fleet is one, and knows where people are
+            self.partition = Partition(0, time)  # at the start the fleet is one, and knows where people are
         self.scans += 1
         self.time = time
+        # A UAV leads if its number is the smallest, or if it has not heard of another leader lately.
+        if self.partition.leader >= self.uav or time - self.partition.time > _IN_TOUCH:
+            self.partition = Partition(self.uav, time)
 
     def delete(self, ids: Iterable[int]) -> None:
         """Record tracks that end in this scan."""
         self._deleted.update(dict.fromkeys(ids, self.time))
 
-    def message(self, degree: int, table: TrackTable, evidence: ScanEvidence) -> Message:
-        """Message for the first round about a table's tracks; `evidence` has the priors of the first of them."""
+    def tell(self, table: TrackTable, evidence: ScanEvidence) -> tuple[Indices, Array, Array]:
+        """Keys, shares and novel information about a table's tracks; `evidence` has the priors of the first of them."""
         detected = np.flatnonzero(table.weights[: len(evidence.prior.means)] >= SEEN)
         local = LocalBeliefs(self.uav, table.means, table.covariances, table.weights, *evidence, detected)
-        averaged, novel, weights = self._rule.contribution(local)
-        # A UAV leads if its number is the smallest, or if it has not heard of another leader lately.
-        leads = self._partition.leader >= self.uav or self.time - self._partition.time > _IN_TOUCH
-        partition = Partition(self.uav, self.time) if leads else self._partition
-        keys, shares = _weigh(partition.leader, table.ids, weights, averaged, table.existence)
+        averaged, novel, weights = self.rule.contribution(local)
+        leaders = np.full(len(table.ids), self.partition.leader)
+        return *weigh(leaders, table.ids, weights, averaged, table.existence), novel
+
+    def message(self, degree: int, table: TrackTable, told: tuple[Indices, Array, Array]) -> Message:
+        """Message for the first round about a table's tracks, with what `tell` returns."""
+        keys, shares, novel = told
         deleted = tuple(EndedTrack(*ended) for ended in sorted(self._deleted.items()))
         rest = shares, table.times, table.views, table.misses, table.sightings, deleted, novel
-        return Message(self.uav, degree, self.scans, self.time, partition, table.ids, keys, *rest)
+        return Message(self.uav, degree, self.scans, self.time, self.partition, table.ids, keys, *rest)
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's partition and deletions."""
         # Old deletions are dropped. A partition that was cut off for longer may bring such a track back for a while.
         self._deleted = {id: until for id, until in message.deleted if self.time - until <= _FORGET_AFTER}
-        self._partition = message.partition
+        self.partition = message.partition
 
 
 @compiled
-def _weigh(leader: int, ids: Indices, weights: Array, averaged: Array, existence: Array) -> tuple[Indices, Array]:
-    """Keys (T, 2) and shares (T, 22) of a message from weights (T,), information (T, 20) and existence (T,)."""
+def weigh(leaders: Indices, ids: Indices, weights: Array, averaged: Array, existence: Array) -> tuple[Indices, Array]:
+    """Keys (T, 2) and shares (T, 22) of a message from leaders and weights (T,), information (T, 20) and existence."""
     keys, shares = np.empty((len(ids), 2), np.int64), np.empty((len(ids), LOG_ODDS + 1))
     for t in range(len(ids)):
-        keys[t, 0], keys[t, 1] = leader, ids[t]
+        keys[t, 0], keys[t, 1] = leaders[t], ids[t]
         shares[t, WEIGHT] = weights[t]
         for k in range(averaged.shape[1]):
             shares[t, 1 + k] = weights[t] * averaged[t, k]
@@ -135,7 +140,7 @@ class TrackExchange:
         table = make_table(held, np.maximum(chances, UNSEEN), history[:, :4])
         sighted = history[:, 6] > -math.inf
         table.sightings[sighted], table.sightings[~sighted, SIGHTED_AT] = history[sighted, 4:], time
-        return self._messenger.message(degree, table, NO_EVIDENCE)
+        return self._messenger.message(degree, table, self._messenger.tell(table, NO_EVIDENCE))
 
     def accept(self, message: Message) -> tuple[Track, ...]:
         """The fleet's tracks by ascending id, which replace this UAV's; ids may change, and tracks may begin or end."""

@@ -28,11 +28,12 @@ class HybridConsensus:
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
         """As `FusionRule.contribution`."""
-        return _split_information(local)
+        return contribute(local, np.full(len(local.means), local.uav))
 
 
 @compiled
-def _split_information(local: LocalBeliefs) -> Contribution:
+def contribute(local: LocalBeliefs, owners: Indices) -> Contribution:
+    """Contribution of several UAVs, of which `local.uav` has the largest number; owners (T,): the UAV of each track."""
     P, weights, seen = local.covariances, local.weights, local.detected
     means, covariances = local.prior
     omega = inverses(P)
@@ -55,7 +56,7 @@ def _split_information(local: LocalBeliefs) -> Contribution:
             for i in range(INFORMATION):
                 averaged[t, i], novel[t, i] = kept[k, i], gained[k, i]
                 if gained[k, i] != 0.0:
-                    novel[t, -1] = 1.0
+                    novel[t, INFORMATION + owners[t]] = 1.0
     return Contribution(averaged, novel, shares)
 
 

@@ -9,7 +9,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from tracking.fusion.consensus import combine, pool
-from tracking.fusion.member import Member
+from tracking.fusion.member import Member, accept_messages, step_members
 from tracking.fusion.message import Message, Partition
 from tracking.track import Scan
 
@@ -35,14 +35,9 @@ class FleetState:
         after = None if agreed else self._after.get(frozenset(scans))
         if after is None:
             trackers = [tracker.copy() for tracker in self.trackers]
-            for tracker in trackers:
-                if tracker.uav in scans:
-                    tracker.step(scans[tracker.uav])
-                else:
-                    tracker.coast(time)
+            step_members(trackers, time, scans)
             pooled = pool(trackers)
-            for tracker in trackers:
-                tracker.accept(agreed or pooled)
+            accept_messages(trackers, [agreed or pooled] * len(trackers))
             after = FleetState(trackers, agreed or pooled)
             if not agreed:
                 self._after[frozenset(scans)] = after

@@ -1,7 +1,7 @@
 """Trackers as members of a fleet: their interface, the trackers by name, and the check of those from outside."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from copy import copy, deepcopy
 from dataclasses import replace
@@ -12,7 +12,7 @@ import numpy as np
 from tracking.fusion.message import LOG_ODDS, WEIGHT, EndedTrack, Message, Partition
 from tracking.fusion.rule import check_novel
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import Forest
+from tracking.geometry.visibility import NO_TREES
 from tracking.management.input_check import check_tracks
 from tracking.parameters import TrackerParameters
 from tracking.plugins.plugin_error import Unusable
@@ -20,7 +20,7 @@ from tracking.plugins.registry import Registry
 from tracking.plugins.result_check import COVARIANCES, WHOLE, Form, check_fields
 from tracking.track import Scan, Track
 
-# Each tracker is made with uav, camera, forest, parameters and initial tracks, as is `tracking.tracker.Tracker`.
+# Each tracker is made with uav, camera, parameters and initial tracks, as is `tracking.tracker.Tracker`.
 TRACKERS = Registry(
     "tracking.tracker",
     {"jpda": "tracking.tracker:Tracker"},
@@ -40,7 +40,7 @@ class Member(Protocol):
         from understory import TrackExchange
 
         class Standing:
-            def __init__(self, uav, camera, forest, parameters, initial):
+            def __init__(self, uav, camera, parameters, initial):
                 self.tracks = tuple(initial)
                 self.exchange = TrackExchange(uav, parameters, initial)
 
@@ -89,36 +89,64 @@ class Member(Protocol):
         """
 
 
+def step_members(members: Sequence[Member], time: float, scans: Mapping[int, Scan]) -> None:
+    """Take the scans at `time` s, by UAV, of those that took a frame; trackers of a kind do so together if they can."""
+    if together := _find_together(members, "step_together"):
+        together(members, time, scans)
+        return
+    for member in members:
+        if member.uav in scans:
+            member.step(scans[member.uav])
+        else:
+            member.coast(time)
+
+
+def accept_messages(members: Sequence[Member], messages: Sequence[Message]) -> None:
+    """Take over the fleet's tracks from the messages after the last round, likewise."""
+    if together := _find_together(members, "accept_together"):
+        together(members, messages)
+        return
+    for member, message in zip(members, messages, strict=True):
+        member.accept(message)
+
+
+def _find_together(members: Sequence[Member], name: str) -> Callable[..., None] | None:
+    """The function of a class for several trackers; None if one is of another class, which may override something."""
+    kinds = {type(member) for member in members}
+    found: Callable[..., None] | None = vars(kinds.pop()).get(name) if len(kinds) == 1 else None
+    return found
+
+
 def make_tracker(
-    name: str, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
+    name: str, uav: int, camera: Camera, parameters: TrackerParameters, initial: Sequence[Track] = ()
 ) -> Member:
     """The tracker of a UAV; InputError if there is none of that name, or later if its results are unusable.
 
     The arguments after the name or import string are those of `tracking.tracker.Tracker`.
     """
-    made = TRACKERS.make(name, uav, camera, forest, parameters, initial)
+    made = TRACKERS.make(name, uav, camera, parameters, initial)
     if name in TRACKERS.built_in:
         ours: Member = made
         return ours
-    return _CheckedTracker(name, made, uav, parameters.settings.max_speed, forest)
+    return _CheckedTracker(name, made, uav, parameters.settings.max_speed)
 
 
 class _CheckedTracker:
     """A tracker from outside; InputError if it fails, or gives unusable tracks or messages."""
 
-    def __init__(self, name: str, made: Any, uav: int, max_speed: float, forest: Forest) -> None:  # noqa: ANN401
+    def __init__(self, name: str, made: Any, uav: int, max_speed: float) -> None:  # noqa: ANN401
         self.uav = uav
         self.max_speed = max_speed
         self._name = name
         self._made = made
-        self._forest = forest
+        self._forest = NO_TREES  # of the last scan, which copies share
         self._scans = 0  # number of scans
         self._time = -math.inf  # s, of the last scan
         with self._errors("give its tracks", "tracks"):
             self.tracks = check_tracks(made.tracks)  # after the last call but `message`, by ascending id
 
     def copy(self) -> "_CheckedTracker":
-        """As `Member.copy`; trackers from outside are copied by `copy.deepcopy`, apart from the map."""
+        """As `Member.copy`; trackers from outside are copied by `copy.deepcopy`, apart from the last scan's forest."""
         made = copy(self)
         with self._errors("be copied", "__deepcopy__"):
             made._made = deepcopy(self._made, {id(self._forest): self._forest})
@@ -128,7 +156,8 @@ class _CheckedTracker:
         """As `Member.step`."""
         self._scans += 1
         self._time = scan.time
-        self._call("take a scan", "step", deepcopy(scan))
+        self._forest = scan.forest
+        self._call("take a scan", "step", deepcopy(scan, {id(scan.forest): scan.forest}))
 
     def coast(self, time: float) -> None:
         """As `Member.coast`."""

@@ -47,11 +47,11 @@ def stack_messages(messages: Sequence[Message]) -> FleetColumns:
 def stack_alike(messages: Sequence[Message]) -> FleetColumns:
     """Columns of messages with the same tracks in the same rows, without a row of empty ones."""
     count, tracks = len(messages), len(messages[0].ids)
-    novel = np.empty((count, tracks, max([m.novel.shape[1] for m in messages])))
-    _stack_novel(messages, novel)
     counts, gained = np.full(count, tracks), np.empty((count, tracks), dtype=np.bool_)
-    rest = {name: np.array([getattr(m, name) for m in messages]) for name in EMPTY if name != "novel"}
-    columns = FleetColumns(counts=counts, novel=novel, gained=gained, **rest)
+    joint = {name: np.concatenate([getattr(m, name) for m in messages]) for name in EMPTY if name != "novel"}
+    joint["novel"] = join_novel(messages)
+    shaped = {name: column.reshape(count, tracks, *column.shape[1:]) for name, column in joint.items()}
+    columns = FleetColumns(counts=counts, gained=gained, **shaped)
     _find_gains(columns)
     return columns
 
@@ -60,6 +60,14 @@ def _stack_novel(messages: Sequence[Message], novel: Array) -> None:
     for n, m in enumerate(messages):
         tracks, width = m.novel.shape
         novel[n, :tracks, :width], novel[n, :tracks, width:] = m.novel, 0.0
+
+
+def join_novel(messages: Sequence[Message]) -> Array:
+    """Novel information of messages, one after the other, with the columns of the message that has most of them."""
+    width = max([m.novel.shape[1] for m in messages])
+    if any(m.novel.shape[1] < width for m in messages):
+        return np.concatenate([np.pad(m.novel, ((0, 0), (0, width - m.novel.shape[1]))) for m in messages])
+    return np.concatenate([m.novel for m in messages])
 
 
 @compiled

@@ -11,7 +11,6 @@ from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fusion.consensus import fuse
 from tracking.fusion.member import TRACKERS, check_message, make_tracker
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length, squared_distance
 from tracking.parameters import TrackerParameters
@@ -65,11 +64,11 @@ def _scan(k: int, uav: int) -> Scan | None:
     return make_scan(uav, _STEP * k, _AWAY if away else _HERE, z)
 
 
-def _make_arguments(uav: int, known: Array) -> tuple[int, Camera, Forest, TrackerParameters, list[Track]]:
+def _make_arguments(uav: int, known: Array) -> tuple[int, Camera, TrackerParameters, list[Track]]:
     """What a tracker is made with, given states (M, 4) of the people that are known at the start."""
     parameters = TrackerParameters(NearlyConstantVelocity(_STEP, 0.5))
     initial = [Track(i, Gaussian(state, 0.25 * np.eye(4))) for i, state in enumerate(known.copy())]
-    return uav, Camera(math.radians(60), 128), Forest(()), parameters, initial
+    return uav, Camera(math.radians(60), 128), parameters, initial
 
 
 class _Script:

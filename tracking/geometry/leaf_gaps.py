@@ -2,8 +2,8 @@
 
 import math
 
-from tracking.geometry.line_of_sight import Grid, Vector, cylinder_of, free_share, is_blocked, optical_depth
-from tracking.geometry.map_errors import DEVIATION, clear_probability, hiding_probability
+from tracking.geometry.line_of_sight import Grid, Raster, Vector, cylinder_of, free_share, is_blocked, optical_depth
+from tracking.geometry.map_errors import DEVIATION, clear_probability, find_hiding
 from tracking.geometry.person import AREA_BY_HEIGHT, AREA_ON_TOP, PERSON_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
@@ -75,12 +75,12 @@ def middle_detectability(origin: Vector, point: Vector, pixel: float, cylinders:
 
 @inlined
 def lower_detectabilities(
-    shares: Array, cameras: Array, height: float, point: Vector, pixel: float, cylinders: Array
+    shares: Array, cameras: Array, height: float, point: Vector, pixel: float, cylinders: Array, unknown: Raster
 ) -> int:
     """Lower shares to the `middle_detectability` of a point for cameras side by side; returns how many become 0.
 
     shares (L,): 0 or 1 of each camera, changed in place; cameras (2, L) m: their places at one height [m]; point (3,)
-    m; cylinders (B, 6 or 7) that may hide the point, of which all are tried.
+    m; cylinders (B, 6 or 7) that may hide the point, of which all are tried; unknown: as of a grid.
     """
     east, north = cameras[0], cameras[1]
     hidden, porous, errs = 0, False, cylinders.shape[1] > DEVIATION
@@ -93,7 +93,7 @@ def lower_detectabilities(
                 continue
             origin = east[lane], north[lane], height
             if errs:
-                shares[lane] *= 1.0 - hiding_probability(origin, point, cylinder, cylinders[k, DEVIATION])
+                shares[lane] *= 1.0 - find_hiding(origin, point, cylinder, cylinders[k, DEVIATION], unknown)
             elif is_blocked(origin, point, cylinder):
                 shares[lane] = 0.0
             if shares[lane] < _LEAST:

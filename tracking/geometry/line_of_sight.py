@@ -15,6 +15,32 @@ _CELLS = 250_000
 _MARGIN = 1e-6  # m: far more than rounding moves a point
 
 
+class Raster(NamedTuple):
+    """Values of the square or oblong cells of a raster; a place outside has the value of the nearest cell."""
+
+    values: Array  # (rows, columns), from south to north and from west to east
+    low: tuple[float, float]  # m: the south-west corner
+    cell: tuple[float, float]  # m: width and height of a cell
+
+    @classmethod
+    def over(cls, area: tuple[float, float], values: Array) -> "Raster":
+        """The raster of values over an area of width and height [m] that is centred on the origin."""
+        (width, height), (rows, columns) = area, values.shape
+        return cls(np.ascontiguousarray(values), (-width / 2, -height / 2), (width / columns, height / rows))
+
+
+@compiled
+def value_at(raster: Raster, x: float, y: float) -> float:
+    """Value of a raster at a place [m]."""
+    rows, columns = raster.values.shape
+    row = min(max(math.floor((y - raster.low[1]) / raster.cell[1]), 0), rows - 1)
+    column = min(max(math.floor((x - raster.low[0]) / raster.cell[0]), 0), columns - 1)
+    return float(raster.values[row, column])
+
+
+NOTHING = Raster(np.zeros((1, 1)), (0.0, 0.0), (1.0, 1.0))
+
+
 class Grid(NamedTuple):
     """Raster over B cylinders with a list of the cylinders near each of its square cells.
 
@@ -30,6 +56,7 @@ class Grid(NamedTuple):
         columns: number of columns.
         starts: (rows columns + 2,): where each cell's list begins, row after row.
         members: (M,): indices of cylinders, in each list the widest first, because they hide most.
+        unknown: number per m² of trees that no cylinder stands for, around each place.
     """
 
     low: tuple[float, float, float]
@@ -39,13 +66,14 @@ class Grid(NamedTuple):
     columns: int
     starts: Indices
     members: Indices
+    unknown: Raster
 
 
-def make_grid(cylinders: Array) -> Grid:
+def make_grid(cylinders: Array, unknown: Raster = NOTHING) -> Grid:
     """Grid over cylinders (B, 5 or more): x, y, radius, bottom, top [m]."""
     every = np.arange(len(cylinders))
     if len(cylinders) == 0:
-        return Grid((math.inf,) * 3, (-math.inf,) * 3, _CELL, 1, 1, np.zeros(3, np.int64), every)
+        return Grid((math.inf,) * 3, (-math.inf,) * 3, _CELL, 1, 1, np.zeros(3, np.int64), every, unknown)
     x, y, radii, bottoms, tops = cylinders[:, :5].T
     low = float(np.min(x - radii)) - _MARGIN, float(np.min(y - radii)) - _MARGIN, float(np.min(bottoms)) - _MARGIN
     high = float(np.max(x + radii)) + _MARGIN, float(np.max(y + radii)) + _MARGIN, float(np.max(tops)) + _MARGIN
@@ -57,7 +85,7 @@ def make_grid(cylinders: Array) -> Grid:
     order = np.lexsort((-radii[member], index))
     starts = np.searchsorted(index[order], np.arange(columns * rows + 1))
     members = np.concatenate([member[order], every])
-    return Grid(low, high, cell, rows, columns, np.append(starts, len(members)), members)
+    return Grid(low, high, cell, rows, columns, np.append(starts, len(members)), members, unknown)
 
 
 def _pair_cells_and_discs(centres: Array, reach: Array, cell: float, shape: tuple[int, int]) -> tuple[Indices, Indices]:

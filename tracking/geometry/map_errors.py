@@ -2,7 +2,7 @@
 
 import math
 
-from tracking.geometry.line_of_sight import PIECE, Grid, Vector, clip, cylinder_of, find_cell
+from tracking.geometry.line_of_sight import PIECE, Grid, Raster, Vector, clip, cylinder_of, find_cell, value_at
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
@@ -11,7 +11,7 @@ from tracking.numerics.normal import normal_cdf
 REACH = 3.0  # standard deviations; places farther off from an edge are taken to be surely beyond it
 _THIN = 1.6  # deviations; the radius at which both approximations are equally good
 # Column of cylinders (B, 7): standard deviation [m] of their places along each axis. The last row may have an infinite
-# one: a Poisson field of trees of which the map has none, with their number per m² in place of x.
+# one: a Poisson field of trees of which the map has none, of which a raster has the number per m².
 DEVIATION = 6
 
 
@@ -61,6 +61,21 @@ def hiding_probability(origin: Vector, point: Vector, cylinder: Vector, deviatio
 
 
 @inlined
+def find_hiding(origin: Vector, point: Vector, cylinder: Vector, deviation: float, unknown: Raster) -> float:
+    """`hiding_probability`; the number per m² of unknown trees is that of a raster.
+
+    What counts is the raster's value where the segment is at half the height of the cylinder (6,).
+    """
+    if deviation != math.inf:
+        return hiding_probability(origin, point, cylinder, deviation)
+    x, y, dz = origin[0], origin[1], point[2] - origin[2]
+    _, _, radius, bottom, top, extinction = cylinder
+    share = 1.0 if dz == 0.0 else min(max((0.5 * (bottom + top) - origin[2]) / dz, 0.0), 1.0)
+    density = value_at(unknown, x + share * (point[0] - x), y + share * (point[1] - y))
+    return hiding_probability(origin, point, (density, 0.0, radius, bottom, top, extinction), math.inf)
+
+
+@inlined
 def clear_probability(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> float:
     """Probability that no opaque one of cylinders (B, 7) touches the segment from origin (3,) to point (3,).
 
@@ -69,7 +84,7 @@ def clear_probability(origin: Vector, point: Vector, cylinders: Array, grid: Gri
     """
     clear, last = 1.0, len(cylinders) - 1
     if last >= 0 and cylinders[last, DEVIATION] == math.inf:
-        clear = 1.0 - hiding_probability(origin, point, cylinder_of(cylinders, last), math.inf)
+        clear = 1.0 - find_hiding(origin, point, cylinder_of(cylinders, last), math.inf, grid.unknown)
     start, end = clip(origin, point, grid.low, grid.high)
     if start > end:
         return clear

@@ -9,9 +9,10 @@ import numpy as np
 
 from tracking.geometry.leaf_gaps import USUAL_PIXEL, USUAL_SLOPE, detectability, detectable_share
 from tracking.geometry.lens import Lens, image_point, in_image, lens_of, pixel_size
-from tracking.geometry.line_of_sight import Grid, cylinder_of, free_share, make_grid, optical_depth
+from tracking.geometry.line_of_sight import NOTHING, Grid, Raster, cylinder_of, free_share, make_grid, optical_depth
 from tracking.geometry.map_errors import DEVIATION, REACH
 from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.unseen_ground import average_within
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, exp_each
@@ -90,21 +91,40 @@ class Occluders(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forest:
-    """The known map of trees, and the model of their occlusion.
+    """A map of trees, true or as a UAV believes it at a time, and the model of their occlusion.
 
     Attributes:
         trees: the trees.
         occlusion: `line_of_sight`, or `disc` as in the paper.
-        deviation: standard deviation [m] of the errors of the trees' places along each axis, by which probabilities of
-            detection allow for errors of opaque trees. Other methods take trees to be where the map has them.
-        unknown: number per m² of trees that the map lacks, opaque and of the mean size of its own, for which
-            they allow as well.
+        deviation: standard deviation [m] of the errors of the trees' places along each axis, one of all or one of each
+            tree, by which probabilities of detection allow for errors of opaque trees. Other methods take trees to be
+            where the map has them.
+        unknown: number per m² of opaque trees that the map lacks, for which they allow as well: everywhere, or of the
+            cells of a raster, such as those not yet seen (`tracking.geometry.unseen_ground`).
+        unknown_tree: the size of unknown trees, wherever it stands; None: the mean one of `trees`.
     """
 
     trees: tuple[Tree, ...]
     occlusion: Occlusion = "line_of_sight"
-    deviation: float = 0.0
-    unknown: float = 0.0
+    deviation: float | tuple[float, ...] = 0.0
+    unknown: float | Raster = 0.0
+    unknown_tree: Tree | None = None
+
+    @cached_property
+    def lacks_trees(self) -> bool:
+        """True if trees of some size may be unknown."""
+        number = self.unknown.values if isinstance(self.unknown, Raster) else self.unknown
+        return bool(np.any(number)) and bool(self.trees or self.unknown_tree)
+
+    @cached_property
+    def errs(self) -> bool:
+        """True if trees may be elsewhere, or unknown."""
+        return bool(np.any(self.deviation)) or self.lacks_trees
+
+    @cached_property
+    def as_mapped(self) -> "Forest":
+        """The same trees where the map has them, as detectors locate people with them."""
+        return Forest(self.trees) if self.errs or self.occlusion != "line_of_sight" else self
 
     @cached_property
     def is_porous(self) -> bool:
@@ -139,26 +159,30 @@ class Forest:
 
         Note: [Li22] hides a target whenever it is inside a circle. A disc is a cylinder whose top and bottom are both
         at the target's height, where every line of sight ends. With a `deviation`, that is a seventh column (B, 7),
-        and with `unknown` trees these are one more row, as in `tracking.geometry.map_errors`.
+        and with `unknown` trees these are one more row, as in `tracking.geometry.map_errors`. A raster of them is part
+        of the `grid`.
         """
         found = self.cylinders
         if self.occlusion == "disc":
             found = self.canopies.copy()
             found[:, 3:5] = TARGET_HEIGHT
             found[:, 5] = math.inf
-        if not (self.deviation or self.unknown):
+        if not self.errs:
             return found
-        found = np.column_stack([found, np.full(len(found), self.deviation)])
-        if not (self.unknown and self.trees):
+        deviations = np.broadcast_to(self.deviation, len(self.trees))[self.tree_of_blockers]
+        found = np.column_stack([found, deviations])
+        if not self.lacks_trees:
             return found
-        _, _, radius, low, high, *_ = self.canopies.mean(axis=0)
+        mean = Forest((self.unknown_tree,)) if self.unknown_tree else self
+        _, _, radius, low, high, *_ = mean.canopies.mean(axis=0)
         sizes = (radius, low, high) if self.occlusion == "line_of_sight" else (radius, TARGET_HEIGHT, TARGET_HEIGHT)
-        return np.vstack([found, (self.unknown, 0.0, *sizes, math.inf, math.inf)])
+        everywhere = 0.0 if isinstance(self.unknown, Raster) else self.unknown
+        return np.vstack([found, (everywhere, 0.0, *sizes, math.inf, math.inf)])
 
     @cached_property
     def reach(self) -> Array:
         """Distance (B,) m from the axis of each of the `blockers` within which it may hide people."""
-        if not (self.deviation or self.unknown):
+        if not self.errs:
             return self.blockers[:, 2]
         return np.asarray(self.blockers[:, 2] + REACH * self.blockers[:, DEVIATION])
 
@@ -187,7 +211,14 @@ class Forest:
         """Grid over the `blockers`."""
         within = self.blockers.copy()
         within[:, 2] = self.reach
-        return make_grid(within[np.isfinite(self.reach)])
+        return make_grid(within[np.isfinite(self.reach)], self.unknown_around)
+
+    @cached_property
+    def unknown_around(self) -> Raster:
+        """Number per m² of unknown trees by which each place may be hidden."""
+        if isinstance(self.unknown, Raster) and self.lacks_trees:
+            return average_within(self.unknown, float(self.blockers[-1, 2]))
+        return NOTHING if isinstance(self.unknown, Raster) else NOTHING._replace(values=np.full((1, 1), self.unknown))
 
     def visible(self, cameras: Array, points: Array) -> Flags:
         """Flags (C, N) of points (N, 3) m where cameras (C, 3) m see a person in view with probability 1/2 or more.
@@ -221,21 +252,23 @@ class Forest:
 
     def detectabilities_through_leaves(self, lens: Lens, points: Array) -> Array:
         """`detectabilities` (N,) if there were only the porous solids."""
-        leaves, grid = self._leaves
-        if len(leaves) == 0:
+        if len(self.leaves.cylinders) == 0:
             return np.ones(len(points))
-        return _find_detectabilities(lens, np.ascontiguousarray(points, dtype=float), leaves, grid)
+        return _find_detectabilities(lens, np.ascontiguousarray(points, dtype=float), *self.leaves)
 
     @cached_property
-    def _leaves(self) -> tuple[Array, Grid]:
+    def leaves(self) -> Occluders:
         """The porous `blockers` (B, 6 or 7), and a grid over them."""
         porous = self.blockers[np.isfinite(self.blockers[:, 5])]
-        return porous, make_grid(porous)
+        return Occluders(porous, make_grid(porous))
 
     def shares_hidden(self, camera: Array, points: Array) -> Array:
         """Share (N, T) of each line from a camera (3,) m to points (N, 3) m that each tree hides by itself."""
         tree_of = self.tree_of_blockers
         return _find_shares_hidden(camera, points, self.blockers[: len(tree_of)], tree_of, len(self.trees))
+
+
+NO_TREES = Forest(())
 
 
 @compiled

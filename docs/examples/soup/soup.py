@@ -22,11 +22,9 @@ from stonesoup.updater.probability import PDAUpdater
 
 from understory import (
     Camera,
-    Forest,
     Gaussian,
     Message,
     NearlyConstantVelocity,
-    Pose,
     Scan,
     Track,
     TrackerParameters,
@@ -45,10 +43,8 @@ class SoupJPDA:
     People out of sight are predicted, by nearly constant velocity with `SIGMA_A`, whatever `tracking.motion` says.
     """
 
-    def __init__(
-        self, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
-    ) -> None:
-        self.camera, self.forest, self.parameters = camera, forest, parameters
+    def __init__(self, uav: int, camera: Camera, parameters: TrackerParameters, initial: Sequence[Track] = ()) -> None:
+        self.camera, self.parameters = camera, parameters
         self.exchange = TrackExchange(uav, parameters, initial)
         self.time, self.tracks, self.detected = -np.inf, tuple(initial), {}
         motion = NearlyConstantVelocity(parameters.motion.dt, SIGMA_A)
@@ -79,7 +75,7 @@ class SoupJPDA:
 
         The first scan changes nothing, as the initial tracks hold at its time.
         """
-        before, last, seen = self.tracks, self.time, self.in_view(scan.pose)
+        before, last, seen = self.tracks, self.time, self.in_view(scan)
         self.coast(scan.time)
         if not np.isfinite(last):
             return
@@ -120,13 +116,13 @@ class SoupJPDA:
         """Replace the tracks with the fleet's."""
         self.tracks = self.exchange.accept(message)
 
-    def in_view(self, pose: Pose) -> list[bool]:
+    def in_view(self, scan: Scan) -> list[bool]:
         """Flags of tracks that are by more than half in the image and behind no tree."""
         if not self.tracks:
             return []
         means = np.array([track.belief.mean[:2] for track in self.tracks])
         spreads = np.array([track.belief.covariance[:2, :2] for track in self.tracks])
-        views = visible_samples(self.forest, means, spreads, self.camera.lens(pose))
+        views = visible_samples(scan.forest, means, spreads, self.camera.lens(scan.pose))
         return (views.mean(axis=(1, 2)) > 0.5).tolist()
 
 

@@ -151,7 +151,7 @@ def find_parts(recording: Recording, k: int, uav: int, id_: int) -> list[Track]:
         taken = np.flatnonzero(heard & recording.frames_taken[j]).tolist()
         looks = [Look(cameras[i], recording.believed_camera_at(j, i)) for i in taken] if setting.decides(j) else []
         tracks = _find_track(recording, j, uav, id_)
-        parts = escapes.split(float(recording.times[j]), tracks, looks, recording.believed_forest, area)
+        parts = escapes.split(float(recording.times[j]), tracks, looks, recording.believed_at(j, uav), area)
     return parts or last
 
 

@@ -49,19 +49,19 @@ def find_planned_visibility(
     views = [Pose(np.append(place, vehicle.position[2]), vehicle.attitude) for place in path]
     known = recording.people[k + 1 : k + 1 + len(times), person]
     ahead = np.full(len(times), -1)
-    ahead[: len(known)] = _find_view_states(recording, uav, views, known)
+    ahead[: len(known)] = _find_view_states(recording, k, uav, views, known)
     track = None
     if belief is not None:
         scan = replace(make_planned_motion(scenario, replay_tracking(recording).motion(k, uav)), dt=1 / rate, scans=1)
         nominal = scan.positions_ahead(belief.mean[None], belief.covariance[None], len(times))
-        track = _find_view_states(recording, uav, views, nominal[:, 0])
+        track = _find_view_states(recording, k, uav, views, nominal[:, 0])
     return PlannedVisibility(flown.made, times, path, ahead, track)
 
 
-def _find_view_states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
-    """States (S,) of places (S, 2) m in the camera at S or more poses; `OUT_OF_VIEW` for NaN."""
+def _find_view_states(recording: Recording, k: int, uav: int, views: list[Pose], places: Array) -> Indices:
+    """States (S,) of places (S, 2) m at S or more poses of a camera, as believed at scan k; `OUT_OF_VIEW` for NaN."""
     setting = recording.setting
-    trees = recording.believed_forest
+    trees = recording.believed_at(k, uav)
     camera = setting.believed_camera(uav)
     found = np.full(len(places), OUT_OF_VIEW)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):

@@ -15,13 +15,12 @@ from sim.scenario.loading import load_scenario
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import Forest
 from tracking.tracker import Tracker
 
 
 def coasting(tracks, scenario, seconds):
     """Means (T, 4) and covariances (T, 4, 4) of a tracker of the scenario without detections for so long."""
-    tracker = Tracker(0, Camera(1.0, 64), Forest(()), make_tracker_parameters(scenario), tracks)
+    tracker = Tracker(0, Camera(1.0, 64), make_tracker_parameters(scenario), tracks)
     for k in range(seconds * scenario.rates.sensing + 1):
         tracker.coast(k / scenario.rates.sensing)
     return (np.array([t.belief.mean for t in tracker.tracks]), np.array([t.belief.covariance for t in tracker.tracks]))

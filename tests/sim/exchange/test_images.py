@@ -121,7 +121,7 @@ def test_a_detector_with_a_memory_gets_each_cameras_images_in_order_of_time(flig
         "    def reset(self, seed):\n        self.last = None\n"
         "    def detect(self, frame):\n        assert self.last is None or self.last[0] == frame.uav\n"
         "        assert self.last is None or self.last[1] < frame.time\n"
-        "        self.last = frame.uav, frame.time\n        return BlobDetector(None).detect(frame)\n"
+        "        self.last = frame.uav, frame.time\n        return BlobDetector().detect(frame)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     copy = tmp_path / "flight"

@@ -43,7 +43,7 @@ def test_the_world_stays_true_and_planners_search_and_trackers_get_what_is_belie
     true, snapshots = fly_ideal(*search, planner=Asked(), seed=3)
     wrong, others = fly_ideal(*search, *seen, planner=planner, seed=3)
     assert wrong.forest.trees == true.forest.trees != ()
-    assert wrong.believed_forest.trees == () and true.believed_forest is true.forest
+    assert wrong.beliefs.believed(0).trees == () and true.beliefs.believed(0) is true.forest
     assert all(situation.forest.trees == () for situation in planner.team)
     for one, other in zip(snapshots, others, strict=True):
         np.testing.assert_array_equal(one.people, other.people)
@@ -59,9 +59,9 @@ def test_planners_and_trackers_reckon_with_errors_of_the_map_and_detectors_do_no
     planner = Asked()
     mission, _ = fly("believed.tree_deviation=0.5", "believed.trees_unknown=0.2", planner=planner, duration=0.2)
     maps = [situation.forest for situation in planner.team]
-    assert all((m.deviation, m.unknown) == (0.5, mission.believed_forest.unknown) for m in maps) and maps[0].unknown > 0
-    (detector, *_) = set(mission._sensors._mode._detectors.values())
-    assert detector.forest.deviation == detector.forest.unknown == 0.0 and detector.forest.trees == mission.forest.trees
+    believed = mission.beliefs.believed(0)
+    assert all((m.deviation, m.unknown) == (0.5, believed.unknown) for m in maps) and maps[0].unknown > 0
+    assert believed.as_mapped.blockers.shape[1] == 6 and believed.as_mapped.trees == mission.forest.trees
 
 
 def test_hidden_people_are_given_up_by_trackers_that_do_not_know_the_trees():
@@ -88,7 +88,8 @@ def test_a_recording_tells_what_was_believed_and_its_trackers_run_again(tmp_path
     recording = recording_of(mission, snapshots, seed=3)
     save(recording, tmp_path / "mission.npz")
     found = load_recording(tmp_path / "mission.npz")
-    assert found.believed_forest.trees == mission.believed_forest.trees != found.forest.trees == mission.forest.trees
+    believed = mission.beliefs.believed(0).trees
+    assert found.believed_forest.trees == believed != found.forest.trees == mission.forest.trees
     assert found.believed_forest.occlusion == mission.scenario.sensing.occlusion
     replay = replay_tracking(found)
     assert not replay.note and len(replay.states) == len(snapshots)
@@ -97,7 +98,7 @@ def test_a_recording_tells_what_was_believed_and_its_trackers_run_again(tmp_path
 def test_the_same_seed_flies_the_same_mission_and_repeats_believe_the_same_map():
     one, again = (recorded(*IDEAL, *ERRORS, duration=3) for _ in range(2))
     assert compute_digest(one) == compute_digest(again)
-    maps = [fly_ideal(*ERRORS, seed=3, duration=1, repeat=n)[0].believed_forest.trees for n in (0, 1)]
+    maps = [fly_ideal(*ERRORS, seed=3, duration=1, repeat=n)[0].beliefs.believed(0).trees for n in (0, 1)]
     assert maps[0] == maps[1]
 
 

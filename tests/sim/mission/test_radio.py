@@ -21,7 +21,7 @@ from sim.scenario.loading import load_scenario
 from sim.scenario.uavs import Cut, Network
 from sim.study.trial_flight import fly_trial
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import Forest
+from tracking.geometry.visibility import NO_TREES
 from tracking.metrics.ospa import ospa
 from tracking.track import Scan
 
@@ -105,7 +105,8 @@ def decide(knowledge, k, poses, links):
     taken = [i for i in uavs if knowledge._scenario.has_frame(i, k)]
     scans = {i: Scan(i, time, poses[i], np.zeros((0, 2)), np.zeros((0, 2, 2))) for i in taken}
     knowledge.track(time, scans, links, list(uavs))
-    return knowledge.begin_decision(k, [BodyState(pose, np.zeros(2)) for pose in poses], links, list(uavs))
+    states, forests = [BodyState(pose, np.zeros(2)) for pose in poses], [NO_TREES] * len(poses)
+    return knowledge.begin_decision(k, states, forests, links, list(uavs))
 
 
 def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
@@ -116,7 +117,7 @@ def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
     pair = ~np.eye(2, dtype=bool)
 
     def known(up, lost):
-        knowledge = Knowledge(setting, Forest(()), [], exchange=Exchange(), rng=np.random.default_rng(0))
+        knowledge = Knowledge(setting, [], exchange=Exchange(), rng=np.random.default_rng(0))
         return decide(knowledge, 0, poses, RadioLinks(up, lost))
 
     alone, both = known(pair & False, None), known(pair, None)
@@ -141,7 +142,7 @@ def test_a_frame_changes_the_tracks_of_those_who_hear_of_it_alone():
         for sender, receiver in arrives:
             lost[:, receiver, sender] = False
         at = [track(0, *person, 0.0, 0.0)]
-        knowledge = Knowledge(setting, Forest(()), at, exchange=Exchange(), rng=np.random.default_rng(0))
+        knowledge = Knowledge(setting, at, exchange=Exchange(), rng=np.random.default_rng(0))
         tracks, _ = knowledge.track(0.0, scans, RadioLinks(~np.eye(3, dtype=bool), lost), [1, 2])
         assert tracks[0] == ()
         return [tracks[i][0].belief.mean[:2] for i in (1, 2)]
@@ -153,7 +154,7 @@ def test_a_frame_changes_the_tracks_of_those_who_hear_of_it_alone():
 def test_between_frames_of_a_slow_camera_undetected_people_only_spread():
     fleet = "uavs=[{start=[-28, -14], rate=1}]"
     setting = load_scenario("forest", [*IDEAL, "tracking.initial_tracks=none", "rates.planning=5", fleet])
-    knowledge = Knowledge(setting, Forest(()), [], exchange=Exchange(), rng=np.random.default_rng(0))
+    knowledge = Knowledge(setting, [], exchange=Exchange(), rng=np.random.default_rng(0))
     links, found = RadioLinks(np.zeros((1, 1), dtype=bool), None), []
     for k in range(6):
         body = Pose.level(3.0 * k, 0.0, setting.uavs[0].altitude)

@@ -43,12 +43,12 @@ def views(camera: Camera, rng: np.random.Generator, frames: int):
 @pytest.mark.parametrize("camera", [BARREL, PINCUSHION, LARGE], ids=["barrel", "pincushion", "large"])
 def test_detections_in_bent_images_are_unbiased_on_the_ground(camera, frames):
     """Of 150 frames a mean error of 3 cm is three standard errors in each ring of the image, of 400 five."""
-    rng, detector, rows = np.random.default_rng(1), BlobDetector(Forest(())), []
+    rng, detector, rows = np.random.default_rng(1), BlobDetector(), []
     with World(SCENARIO, Forest(()), PEOPLE) as world:
         renderer = Renderer(world)
         for pose, people in views(camera, rng, frames):
             world.place_people(people, rng.uniform(-math.pi, math.pi, PEOPLE))
-            found = detector.detect(Frame(0, 0.0, camera, pose, renderer.render(camera, pose).image))
+            found = detector.detect(Frame(0, 0.0, camera, pose, renderer.render(camera, pose).image, Forest(())))
             gaps = np.linalg.norm(found.ground[:, None] - people, axis=2)
             near = gaps.min(axis=1) < 1.5
             error = (found.ground - people[gaps.argmin(axis=1)])[near]

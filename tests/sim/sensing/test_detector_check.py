@@ -11,7 +11,6 @@ from sim.scenario.sensing import DETECTORS
 from sim.sensing.detector_check import check_detector
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Detections
-from tracking.testing.stage import FOREST
 
 
 class Good:
@@ -19,7 +18,7 @@ class Good:
 
     def detect(self, frame):
         frame.image.flags.writeable = True  # which it may do with its own copy
-        found = BlobDetector(None).detect(frame)
+        found = BlobDetector().detect(frame)
         frame.image[:] = 0
         return found
 
@@ -28,7 +27,7 @@ class Ordering(Good):
     """Takes images for BGR, as OpenCV reads them."""
 
     def detect(self, frame):
-        return BlobDetector(None).detect(replace(frame, image=frame.image[..., ::-1]))
+        return BlobDetector().detect(replace(frame, image=frame.image[..., ::-1]))
 
 
 class Raising:
@@ -67,7 +66,7 @@ class Sure(Good):
 
 class Unsure:
     def detect(self, frame):
-        found = BlobDetector(FOREST).detect(frame)
+        found = BlobDetector().detect(frame)
         return replace(found, covariances=13 * found.covariances)
 
 

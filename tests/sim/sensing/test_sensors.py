@@ -284,7 +284,7 @@ def test_people_at_the_edge_of_a_canopy_are_measured_where_they_are():
             away = np.array([side * math.cos(angle), math.sin(angle)])
             person = tree + (2.3 * angle + rng.uniform(3.3, 4.0)) * away
             world.place_people(person[None], rng.uniform(-3, 3, 1))
-            look = take(subject, Shot(0, 0, 0.0, pose, person[None]))
+            look = take(subject, Shot(0, 0, 0.0, pose, person[None], forest=forest))
             if 0 < look.visible[0] < 7:
                 frame = Frame(0, 0.0, subject.cameras[0], pose, look.image)
                 raw.append((BlobDetector().detect(frame).ground[0] - person) @ away)

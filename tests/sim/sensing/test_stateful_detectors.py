@@ -24,7 +24,7 @@ class Plain:
 
     def detect(self, frame):
         self.frames.append((frame.uav, frame.time))
-        return BlobDetector(None).detect(frame)
+        return BlobDetector().detect(frame)
 
 
 class Remembering(Plain):

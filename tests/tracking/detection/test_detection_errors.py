@@ -1,6 +1,7 @@
 """The camera's covariance against the errors of thousands of detections, level and tilted, and its fitted constants."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -44,7 +45,7 @@ def parts(population):
 
 @pytest.fixture(scope="module")
 def placed(parts):
-    return [locate_people(s.frame, [s.blob], s.forest) for s in parts]
+    return [locate_people(s.frame, [s.blob]) for s in parts]
 
 
 def errors(population, found):
@@ -98,7 +99,7 @@ def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
     whole = [s for s in population[:600] if s.hidden == 0.0 and find_places(s.frame, s.blob, s.forest) is None]
     assert len(whole) > 300
     for sample in whole:
-        one = locate_people(sample.frame, [sample.blob], sample.forest)
+        one = locate_people(sample.frame, [sample.blob])
         other = detections_of(sample.frame, [sample.blob])
         assert one.ground.tobytes() == other.ground.tobytes()
         assert one.covariances.tobytes() == other.covariances.tobytes()
@@ -173,16 +174,14 @@ def test_only_people_told_apart_are_less_certain_the_more_the_nearer():
     frame = Frame(0, 0.0, CAMERA, posed(), image)
     blobs, components = find_blobs(frame)
     assert len(blobs) > 2 and np.sum(components == components[0]) == 1
-    alone, told = detections_of(frame, blobs), locate_people(frame, blobs, None, components)
+    alone, told = detections_of(frame, blobs), locate_people(frame, blobs, components)
     np.testing.assert_array_equal(alone.ground, told.ground)
     np.testing.assert_array_equal(alone.covariances[0], told.covariances[0])
     wider = told.covariances[1:] - alone.covariances[1:]
     assert np.linalg.eigvalsh(wider).min() > 0.0
     np.testing.assert_allclose(wider, split_covariances(frame, told.pixels, components)[1:], atol=1e-15)
-    parts = (
-        locate_people(frame, blobs, Forest(()), components).covariances
-        - locate_people(frame, blobs, Forest(())).covariances
-    )
+    frame = replace(frame, forest=Forest(()))
+    parts = locate_people(frame, blobs, components).covariances - locate_people(frame, blobs).covariances
     np.testing.assert_allclose(parts[1:], wider, atol=1e-15)
     traces = []
     for gap in (2.0, 4.0, 6.0, 30.0):

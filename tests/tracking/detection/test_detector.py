@@ -102,7 +102,7 @@ def test_any_image_from_any_camera_gives_finite_places_and_positive_covariances(
         pose = Pose(np.array([1.0, 2.0, rng.uniform(lowest, 20.0)]), turn)
         image = np.full((camera.pixels, camera.pixels, 3), GREEN, dtype=np.uint8)
         image[rng.random(image.shape[:2]) < rng.choice([0.01, 0.1] if trees else [0.01, 0.1, 0.4])] = (230, 62, 0)
-        found = BlobDetector(forest).detect(frame(image, pose, camera))
+        found = BlobDetector().detect(frame(image, pose, camera, forest))
         assert np.isfinite(found.ground).all() and np.linalg.eigvalsh(found.covariances).min(initial=1.0) > 0.0
         count += len(found.ground)
     assert count > 50

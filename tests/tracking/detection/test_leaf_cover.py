@@ -35,7 +35,7 @@ def detected_people(frames, density, view, seed):
     pixels, altitudes = view
     camera = Camera(CAMERA.fov, pixels)
     forest = grow(Trees(density=90, canopy_radius=2.5, leaf_area_density=density), Area(80.0, 80.0), rng)
-    detectors = BlobDetector(forest), MaskDetector(forest)
+    detectors = BlobDetector(), MaskDetector()
     with World(SCENARIO, forest, PEOPLE, seed) as world:
         renderer = Renderer(world)
         for k in range(frames):
@@ -45,7 +45,7 @@ def detected_people(frames, density, view, seed):
             people = pose.position[:2] + half * grid + rng.uniform(-1.0, 1.0, (PEOPLE, 2))
             world.place_people(people, rng.uniform(-math.pi, math.pi, PEOPLE))
             seen = renderer.render(camera, pose)
-            frame = Frame(0, 0.0, camera, pose, seen.image)
+            frame = Frame(0, 0.0, camera, pose, seen.image, forest)
             found = detectors[0].detect(frame), detectors[1].detect(frame, seen.people)
             matches = [match_detections(each.pixels, seen.people, PEOPLE) >= 0 for each in found]
             points = at_target_height(people)

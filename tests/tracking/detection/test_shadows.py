@@ -111,13 +111,13 @@ def test_turning_and_moving_camera_and_scene_turns_and_moves_the_place():
     camera = Camera(math.radians(60), 128)
     image, forest = cut_person(camera)
     pose = Pose.level(0.0, 0.0, 19.0)
-    here = BlobDetector(forest).detect(Frame(0, 0.0, camera, pose, image))
+    here = BlobDetector().detect(Frame(0, 0.0, camera, pose, image, forest))
     assert find_places(Frame(0, 0.0, camera, pose, image), np.array([[90.5, 62.5], [91.5, 62.5]]), forest) is not None
     for yaw, shift in ((0.3, (0.0, 0.0)), (1.7, (16.0, -8.0)), (-2.0, (-3.0, 5.0))):
         turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
         trees = tuple(Tree(*(turn @ [t.x, t.y] + shift), t.canopy_radius) for t in forest.trees)
         away = Pose(pose.position + np.array([*shift, 0.0]), turned(0.0, 0.0, yaw))
-        there = BlobDetector(Forest(trees)).detect(Frame(0, 0.0, camera, away, image))
+        there = BlobDetector().detect(Frame(0, 0.0, camera, away, image, Forest(trees)))
         np.testing.assert_allclose(there.ground, here.ground @ turn.T + shift, atol=1e-9)
         np.testing.assert_allclose(there.covariances, turn @ here.covariances @ turn.T, atol=1e-9)
 

@@ -15,7 +15,7 @@ from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, Tree, visible_samples
 from tracking.measurement_update import predict_scan
 from tracking.parameters import TrackerParameters
-from tracking.track import Scan
+from tracking.track import Beliefs, Scan
 
 INSTANTS = (10, 25, 35, 50, 65)  # scans: 2 to 13 s
 UNDER_TREES = [(1.0, 1.5), (2.0, 1.5), (2.0, 0.5), (5.0, 0.7), (5.0, 1.5), (8.0, 1.5)]
@@ -66,11 +66,12 @@ def test_an_edge_through_the_mean_leaves_the_moments_of_half_a_normal_distributi
 def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
     mean, covariance = belief(np.random.default_rng(4))
     seen = seen_where(lambda p: p[:, 0] > mean[0], mean, covariance)[None]
-    predicted = mean[None], covariance[None]
+    predicted, whose = Beliefs(mean[None], covariance[None]), np.array([0, 1])
 
     def undetected(weight):
         p = TrackerParameters(MOTION, negative_information=weight)
-        return predict_scan(predicted, np.ones(1), seen, 1 - 0.99 * seen, p.scan).undetected[0][0, 0]
+        before = predict_scan(predicted, np.ones(1), seen.mean(axis=1), 1 - 0.99 * seen, p.scan, whose)
+        return before.undetected.means[0, 0]
 
     off, half, full = undetected(0.0), undetected(0.5), undetected(1.0)
     assert off == pytest.approx(mean[0], rel=1e-12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.kalman import update
-from helpers.scenes import ALONE, CAMERA, MOTION, OPEN, track
+from helpers.scenes import ALONE, CAMERA, MOTION, track
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
@@ -119,7 +119,7 @@ def test_only_a_sure_detection_is_a_sighting():
 class Kalman(Scripted):
     """A filter of one person by the first measurement of each scan."""
 
-    def __init__(self, uav, camera, forest, parameters, initial):
+    def __init__(self, uav, camera, parameters, initial):
         super().__init__(uav, initial)
 
     def coast(self, time):
@@ -135,7 +135,7 @@ class Kalman(Scripted):
 
 
 def test_a_tracker_from_outside_equals_the_filter_that_it_is():
-    made = make_tracker(f"{__name__}:Kalman", 0, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 1, 0)])
+    made = make_tracker(f"{__name__}:Kalman", 0, CAMERA, TrackerParameters(MOTION), [track(0, 0, 0, 1, 0)])
     belief, z, R = track(0, 0, 0, 1, 0).belief, np.array([[0.1, 0.2]]), 0.05 * np.eye(2)[None]
     for k in range(5):
         belief = MOTION.predict(belief) if k else belief

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.graphs import graph
 from helpers.information import information_form, moment_form
-from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, H, R, scan, track, tracker
+from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, H, R, scan, track, tracker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +22,7 @@ START = track(3, 0, 0, 0.3, 0.1)
 
 def fleet(count: int) -> list[Tracker]:
     parameters = TrackerParameters(MOTION, fusion="hcmci", **SURE)
-    return [Tracker(u, CAMERA, OPEN, parameters, [START]) for u in range(count)]
+    return [Tracker(u, CAMERA, parameters, [START]) for u in range(count)]
 
 
 def noises(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -5,7 +5,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from helpers.information import information_form
-from helpers.scenes import ABOVE, CAMERA, MOTION, OPEN, H, track
+from helpers.scenes import ABOVE, CAMERA, MOTION, H, track
 from helpers.scenes import scan as scan_of
 
 from tracking.fusion.consensus import fuse
@@ -20,7 +20,7 @@ START = track(3, 0, 0, 0.3, 0.1)
 
 def fleet(count, *initial, **settings):
     parameters = TrackerParameters(MOTION, **settings)
-    return FleetState(tuple(Tracker(u, CAMERA, OPEN, parameters, initial) for u in range(count)))
+    return FleetState(tuple(Tracker(u, CAMERA, parameters, initial) for u in range(count)))
 
 
 def filter_centrally(scans, until):
@@ -117,7 +117,7 @@ def test_pooled_messages_are_those_of_a_round_in_which_all_hear_each_other():
     """From nothing, with false alarms, so that tracks begin, join and end; pooling has one sum in place of four."""
     rng = np.random.default_rng(3)
     people, velocities = rng.uniform(-7, 7, (5, 2)), rng.normal(0, 0.7, (5, 2))
-    members = [Tracker(u, CAMERA, OPEN, TrackerParameters(MOTION, clutter_density=1e-3)) for u in range(4)]
+    members = [Tracker(u, CAMERA, TrackerParameters(MOTION, clutter_density=1e-3)) for u in range(4)]
     state, begun = FleetState(deepcopy(members)), set()
     for k in range(40):
         places = people + 0.2 * k * velocities

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from helpers.graphs import message
-from helpers.scenes import CAMERA, MOTION, OPEN
+from helpers.scenes import CAMERA, MOTION
 
 from tracking.errors import InputError
 from tracking.fusion.member import check_message, make_tracker
@@ -71,7 +71,7 @@ class Spoilt:
 def test_wrong_tracks_are_an_error_of_the_method_that_left_them(monkeypatch, method, mean, complaint):
     given = {"step": Scan(0, 0.0, Pose.level(0.0, 0.0, 25.0), np.zeros((0, 2)), np.zeros((0, 2, 2))), "coast": 0.0}
     monkeypatch.setattr(Spoilt, "mean", mean)
-    tracker = make_tracker(f"{__name__}:Spoilt", 0, CAMERA, OPEN, TrackerParameters(MOTION))
+    tracker = make_tracker(f"{__name__}:Spoilt", 0, CAMERA, TrackerParameters(MOTION))
     with pytest.raises(InputError) as error:
         getattr(tracker, method)(given[method])
     assert error.match(

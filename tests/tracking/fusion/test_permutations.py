@@ -1,7 +1,7 @@
 """The order of tracks, of detections and of UAVs changes nothing but the order."""
 
 import numpy as np
-from helpers.scenes import CAMERA, MOTION, OPEN, R, track
+from helpers.scenes import CAMERA, MOTION, R, track
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -40,7 +40,7 @@ class Scene:
         ids[i] is the id of known person i, uavs[j] the number of UAV j; with `shuffle` detections come in any order.
         """
         known = [track(id, *state, variance=0.2) for id, state in zip(ids, self.states[:-1], strict=True)]
-        fleet = [Tracker(j, CAMERA, OPEN, self.parameters, known) for j in range(UAVS)]
+        fleet = [Tracker(j, CAMERA, self.parameters, known) for j in range(UAVS)]
         adjacency = np.zeros((UAVS, UAVS), dtype=bool)
         adjacency[np.ix_(uavs, uavs)] = LINE
         for k, measured in enumerate(self.measurements):

@@ -35,8 +35,8 @@ class Needy(Nearest):
 
 
 class Forgetful(Nearest):
-    def __init__(self, uav, camera, forest, parameters, initial):
-        super().__init__(uav, camera, forest, parameters, ())
+    def __init__(self, uav, camera, parameters, initial):
+        super().__init__(uav, camera, parameters, ())
 
 
 class Lost(Nearest):

@@ -88,7 +88,9 @@ def test_of_unknown_trees_none_is_in_the_way_as_often_as_in_drawn_forests(occlus
         free += drawn.free_shares(origin, points)[0]
     np.testing.assert_allclose(found, free / 3000, atol=0.022)
     shares = np.ones(1)
-    lower_detectabilities(shares, np.zeros((2, 1)), 20.0, tuple(points[1].tolist()), 0.1, forest.blockers)
+    lower_detectabilities(
+        shares, np.zeros((2, 1)), 20.0, tuple(points[1].tolist()), 0.1, forest.blockers, forest.grid.unknown
+    )
     assert shares[0] == pytest.approx(found[1], abs=2e-6)
     assert forest.shares_hidden(origin, points).shape == (3, 2)
     bare = Forest((), occlusion, deviation=0.5, unknown=density)
@@ -107,7 +109,7 @@ def test_planners_and_trackers_have_the_same_probability_and_leaves_come_on_top(
         point = (*rng.uniform(-15, 15, 2).tolist(), 0.85)
         cameras = np.array([(*(point[:2] + rng.uniform(-8, 8, 2)), 18.0) for _ in range(5)])
         shares = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
-        lower_detectabilities(shares, cameras[:, :2].T.copy(), 18.0, point, 0.1, forest.blockers)
+        lower_detectabilities(shares, cameras[:, :2].T.copy(), 18.0, point, 0.1, forest.blockers, forest.grid.unknown)
         for lane, camera in enumerate(cameras.tolist()):
             clear = math.prod(1.0 - hiding_probability(tuple(camera), point, row[:6], 1.0) for row in trunks)
             alone = Forest(tuple(t for t in trees if math.isfinite(t.leaf_area_density)))

@@ -122,7 +122,9 @@ def test_the_law_for_cameras_side_by_side_is_that_for_one_and_trees_hide_shares_
         expected = forest.free_shares(cameras, points)
         for j, point in enumerate(points):
             found = np.ones(len(cameras))
-            hidden = lower_detectabilities(found, cameras.T[:2].copy(), 18.0, tuple(point), 0.1, forest.blockers)
+            hidden = lower_detectabilities(
+                found, cameras.T[:2].copy(), 18.0, tuple(point), 0.1, forest.blockers, forest.grid.unknown
+            )
             plain = [plain_detectabilities(forest, camera, point, 0.1, 0.0)[0] for camera in cameras]
             np.testing.assert_allclose(found, plain, rtol=1e-9, atol=1e-9)
             assert hidden == np.sum(expected[:, j] == 0.0)

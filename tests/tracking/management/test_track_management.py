@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers.scenes import ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
+from helpers.scenes import ALONE, AWAY, CAMERA, play, scan, track, tracker
 
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.fusion.consensus import fuse
@@ -115,7 +115,7 @@ def test_only_sure_detections_tell_how_fast_people_walk():
     """Of two tracks in one place each may be the person's. Tracks known at the start are as good as seen then."""
     motion, moving = MeanRevertingVelocity(0.2, 0.5, walking_speed=1.0), track(3, 0, 0, 3, 0)
     for others, learns in ((), True), ((track(4, 0, 0, 3, 0),), False):
-        subject = Tracker(0, CAMERA, OPEN, TrackerParameters(motion), (moving, *others))
+        subject = Tracker(0, CAMERA, TrackerParameters(motion), (moving, *others))
         play(subject, [scan(0)])
         first = subject.motion.walking_speed
         play(subject, [scan(1, (0.6, 0))])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.flights import fly_ideal, recording_of
-from helpers.scenes import CAMERA, MOTION, OPEN
+from helpers.scenes import CAMERA, MOTION
 
 from sim.facts.metrics.score import score
 from sim.sensing.navigation import NavigationErrors
@@ -204,14 +204,14 @@ def share(seed, uavs=2, scans=51, figures=Navigation(horizontal_drift=1.0, horiz
                 Scan(i, 0.2 * k, believed, move_to_believed(z, true, believed), np.tile(0.09 * np.eye(2), (2, 1, 1)))
             )
         made.append(now)
-    fleet = [Tracker(i, CAMERA, OPEN, parameters, initial) for i in range(uavs)]
+    fleet = [Tracker(i, CAMERA, parameters, initial) for i in range(uavs)]
     return fleet, made, [e._drift[:2] for e in errors]
 
 
 def test_a_lone_uavs_tracks_err_at_least_as_far_as_its_position_drifts_however_often_people_are_seen():
     """Nobody else shows the error; a person who stands still is as near to the truth as the position is."""
     parameters = TrackerParameters(MOTION, navigation=Navigation(horizontal_drift=1.5, horizontal_noise=0.1))
-    subject = Tracker(0, CAMERA, OPEN, parameters)
+    subject = Tracker(0, CAMERA, parameters)
     for k in range(40):
         step([subject], [Scan(0, 0.2 * k, ABOVE, np.array([[2.0, 1.0]]), 0.05 * np.eye(2)[None])])
     (told,) = subject.tracks
