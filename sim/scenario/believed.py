@@ -1,6 +1,6 @@
 """Settings of what UAVs believe wrongly of the world."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 from msgspec.structs import replace
@@ -9,6 +9,15 @@ from tracking.parameters import Tracking
 from tracking.settings import Probability
 
 Factor = Annotated[float, Meta(ge=0.01, le=100)]
+
+
+class Mapping(Struct, frozen=True, forbid_unknown_fields=True):
+    """What UAVs know of the trees."""
+
+    # `"known"`: UAVs have a map of the trees, by default the true one; `"mapped"`: they have none, and each UAV maps
+    # trees in the frames of its own camera, and reckons with trees where it has not looked; `"none"`: they know of no
+    # trees
+    forest: Literal["known", "mapped", "none"] = "known"
 
 
 class Believed(Struct, frozen=True, forbid_unknown_fields=True):
@@ -37,6 +46,11 @@ class Believed(Struct, frozen=True, forbid_unknown_fields=True):
         """True if the map of trees is exact."""
         exact = self.tree_shift == self.trees_missing == self.trees_invented == self.tree_sizes == 0.0
         return exact and self.leaf_area == 1.0
+
+    @property
+    def maps_truly(self) -> bool:
+        """True if the map of trees is exact, and UAVs take it to be."""
+        return self.knows_trees and self.tree_deviation == self.trees_unknown == 0.0
 
     def mislead(self, tracking: Tracking) -> Tracking:
         """Settings of trackers with the errors; ValueError if no probability of detection is left."""

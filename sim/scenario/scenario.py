@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 from msgspec import Meta, Struct, field
 
-from sim.scenario.believed import Believed
+from sim.scenario.believed import Believed, Mapping
 from sim.scenario.environment import APPEARANCES, WALKS, Appearance, Area, People, Trees, Wind
 from sim.scenario.fleet import MOST_UAVS, Fleet, resize
 from sim.scenario.geo import Geo, Ground
@@ -89,6 +89,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     network: Network = field(default_factory=Network)
     appearance: Appearance = field(default_factory=Appearance)
     wind: Wind = field(default_factory=Wind)
+    mapping: Mapping = Mapping()
     believed: Believed = Believed()  # errors of what UAVs believe of the world
 
     def __post_init__(self) -> None:
@@ -105,11 +106,21 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("uavs: all have fails_at 0; at least one has to work at the start")
         self.network.check(len(self.uavs))
         self.believed.mislead(self.tracking)
+        self._check_mapping()
         check_workload(self)
         self._check_times()
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
             if not (one.start_radius or other.start_radius or is_clear(one, other)):
                 raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {START_GAP:g} m from uavs.{i}")
+
+    def _check_mapping(self) -> None:
+        if self.mapping.forest != "known" and not self.believed.maps_truly:
+            raise ValueError('believed: errors of the map of trees are allowed with mapping.forest "known" only')
+        if self.mapping.forest == "mapped" and not self.sensing.renders:
+            raise ValueError(
+                f'mapping.forest: "mapped" needs images, which sensing.mode {self.sensing.mode!r} has not; '
+                'allowed are "known" and "none"'
+            )
 
     def _check_times(self) -> None:
         if self.first_decision > self.duration:

@@ -14,13 +14,15 @@ from tracking.numerics.normal import standard_normal
 
 
 def believe_forest(forest: Forest, scenario: Scenario, seed: int) -> Forest:
-    """The map of trees that UAVs believe, with the model of occlusion that they assume, drawn from a mission's seed.
+    """The map of trees that UAVs are given, with the model of occlusion that they assume, drawn from a mission's seed.
 
     forest: the true trees. The errors are those of `scenario.believed`. Each kind has its own random stream, and a
     larger share has all the missing or invented trees of a smaller one. Radii and heights of a tree are off by two
     factors of mean 1, which are log-normal. Invented trees stand anywhere in the area, and have the sizes of others.
     """
     errors, occlusion = scenario.believed, scenario.sensing.occlusion
+    if scenario.mapping.forest != "known":
+        return Forest((), occlusion)
     trees = forest.trees if errors.knows_trees or not forest.trees else _mislead(forest.trees, scenario, seed)
     unknown = len(trees) * errors.trees_unknown / (1.0 - errors.trees_unknown)
     per_area = unknown / (scenario.area.width * scenario.area.height)
