@@ -88,8 +88,7 @@ class UndetectedIntensity:
         places = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
         back: Array | float = 0.0
         for id, belief in self._tracks.items():
-            near = length(places - belief.mean[:2]) <= _SAME
-            if id not in held and not near.any():
+            if id not in held and not (length(places - belief.mean[:2]) <= _SAME).any():
                 back = back + self._spread(belief)
         return back
 

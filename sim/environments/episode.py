@@ -52,7 +52,7 @@ class Episode:
         """Fly to the next decision, or to the end of the mission if no UAV works any more."""
         mission = self.mission
         self._keep_frames()
-        while not (team := mission.team) and not mission.over:
+        while not (team := mission.situations) and not mission.over:
             self._flown.append(mission.step())
             self._keep_frames()
         self.team = {situation.own.id: situation for situation in team}

@@ -7,6 +7,7 @@ import numpy as np
 
 from planning.planner import Situation
 from sim.facts.metrics.holding import FAR
+from sim.mission.plan_check import copy_situation
 from sim.mission.snapshot import find_reported_positions
 from tracking.errors import check_known
 from tracking.metrics.ospa import gospa
@@ -56,6 +57,6 @@ ON_BELIEF = ("gospa", "trace")  # rewards without ground truth; all others are f
 def find_reward(given: str | Reward) -> Reward:
     """The reward with this key, or the given function; InputError for an unknown key."""
     if callable(given):
-        return given
+        return lambda situation, people: given(copy_situation(situation), people)
     check_known("reward", str(given), REWARDS, " (or a function of situation and true people)")
     return REWARDS[given]

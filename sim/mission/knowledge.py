@@ -89,7 +89,7 @@ class Knowledge:
             for _ in self._cameras
         ]
         self.teammates = make_teammates(scenario.network, exchange, rng, self.trackers.relay)
-        self._looks = dict[int, Look]()  # of the frames of the last scan, by UAV
+        self._scans: Mapping[int, Scan] = {}  # of the last instant, by UAV
         # Views of frames at decisions, received later, that the intensity of undetected people does not yet contain.
         self._late_views: list[list[Look]] = [[] for _ in self._cameras]
 
@@ -100,7 +100,7 @@ class Knowledge:
 
         scans: by UAV, of those that took a frame.
         """
-        self._looks = {i: Look(self._cameras[i], scan.pose) for i, scan in scans.items()}
+        self._scans = scans
         sent = self.trackers.step(time, scans, links, working)
         for views, received in zip(self._late_views, self.trackers.relay.received, strict=True):
             for item in received:
@@ -120,28 +120,25 @@ class Knowledge:
         self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
         takes_time = self._scenario.network.takes_time
         heard = {i: links.find_heard(i, takes_time=takes_time) for i in working}
-        looks = {i: [look for j, look in self._looks.items() if heard[i][j]] for i in working}
+        looks = {j: Look(self._cameras[j], scan.pose) for j, scan in self._scans.items()}
+        # The search map takes cameras to hang as planned, although fixed ones lean and poses err.
+        level = {j: Look(self._cameras[j], Pose(fleet[j].position, fleet[j].attitude)) for j in looks}
         for i in working:
-            # The search map takes cameras to hang as planned, although fixed ones lean and poses err.
-            level = [
-                Look(self._cameras[j], Pose(fleet[j].position, fleet[j].attitude)) for j in self._looks if heard[i][j]
-            ]
-            known, self._late_views[i] = level + self._late_views[i], []
+            known = [look for j, look in level.items() if heard[i][j]] + self._late_views[i]
+            self._late_views[i] = []
             self._undetected[i].step(time, known, self.trackers[i].tracks, self._forest)
         return [
-            self.teammates.complete(
-                Situation(
-                    time=time,
-                    own=fleet[i],
-                    neighbours=(),
-                    tracks=self.trackers[i].tracks,
-                    forest=self._known_forest,
-                    area=self._area,
-                    motion=make_planned_motion(self._scenario, getattr(self.trackers[i], "motion", None)),
-                    undetected=self._undetected[i].belief,
-                    looks=tuple(looks[i]),
-                    radio_range=self._scenario.network.range,
-                )
+            Situation(
+                time=time,
+                own=fleet[i],
+                tracks=self.trackers[i].tracks,
+                forest=self._known_forest,
+                area=self._area,
+                motion=make_planned_motion(self._scenario, getattr(self.trackers[i], "motion", None)),
+                undetected=self._undetected[i].belief,
+                looks=tuple(look for j, look in looks.items() if heard[i][j]),
+                radio_range=self._scenario.network.range,
+                **self.teammates.tell(i),
             )
             for i in working
         ]

@@ -1,7 +1,6 @@
 """The mission loop: sense, track, communicate, plan, fly."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -71,12 +70,13 @@ class Mission:
         self._decisions: list[FlownPlans] = []  # whose plans are flown, or will be, in order of time
         self._flown: FlownPlans | None = None
         self._working = list(range(len(scenario.uavs)))  # UAVs that had not broken down at the present scan
-        self._situations: list[Situation] = []  # of the working UAVs, if a decision is due at the present scan
+        self.situations: list[Situation] = []  # of the working UAVs, if a decision is due; `team` has copies to change
         self._radio = chance("network")
         self._air = None if scenario.wind.is_calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
         self._errors = make_navigation_errors(scenario, chance)
         self._times = scenario.scan_times
         self._k = 0  # the present scan
+        self._altitude_errors: Array | None = None  # m, by which control errs
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, flown at present
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         try:
@@ -99,7 +99,7 @@ class Mission:
     @property
     def team(self) -> list[Situation]:
         """Copies of the situations of the working UAVs, which have to decide now; empty between decisions."""
-        return [copy_situation(situation) for situation in self._situations]
+        return [copy_situation(situation) for situation in self.situations]
 
     def fly(self) -> Iterator[Snapshot]:
         """Fly the rest of the mission with its planner, and yield a snapshot per scan before flying on.
@@ -132,7 +132,7 @@ class Mission:
     def close(self) -> None:
         """End the mission and free its world."""
         self._k = len(self._times)
-        self._situations = []
+        self.situations = []
         self._world.close()
 
     def __enter__(self) -> "Mission":
@@ -152,11 +152,13 @@ class Mission:
         bodies = self._world.poses()
         cameras = [uav.camera_pose(body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
-        stamped = self._stamp(bodies)
-        turns = zip(self.scenario.uavs, cameras, stamped, self._errors, strict=True)
-        believed = self._mislead([uav.camera_pose(stamp) if e else pose for uav, pose, stamp, e in turns])
-        heights = [own.position[2] - true.position[2] for own, true in zip(believed, cameras, strict=True)]
-        self._altitude_errors = np.array(heights) if any(self._errors) else None  # m, by which control errs
+        stamped, believed = bodies, cameras
+        if any(self._errors):
+            stamped = self._stamp(bodies)
+            turns = zip(self.scenario.uavs, cameras, stamped, self._errors, strict=True)
+            believed = self._mislead([uav.camera_pose(stamp) if e else pose for uav, pose, stamp, e in turns])
+            heights = [own.position[2] - true.position[2] for own, true in zip(believed, cameras, strict=True)]
+            self._altitude_errors = np.array(heights)
         shots = [
             Shot(i, k, time, pose, people, believed[i] if self._errors[i] else None) for i, pose in enumerate(cameras)
         ]
@@ -177,9 +179,9 @@ class Mission:
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
                 known = [v + errors.velocity if errors else v for v, errors in velocities]
                 states = list(map(BodyState, self._mislead(stamped), known))
-                self._situations = self._knowledge.begin_decision(k, states, links, self._working)
+                self.situations = self._knowledge.begin_decision(k, states, links, self._working)
         else:
-            self._situations = []
+            self.situations = []
         self.faults += faults
         self.images = [reading.image for reading in readings]
         self.present = Snapshot(
@@ -225,12 +227,12 @@ class Mission:
 
         A UAV that has broken down has an empty plan.
         """
-        team = self._situations
+        team = self.situations
         if not team:
             if given is not None:
                 check_plans(given, team)  # an error unless empty
             self._command(None)
-            return replace(self.present, flown=self._flown)
+            return self.present.decide(flown=self._flown)
         with self.clock.planning():
             if given is not None:
                 made, faults = check_plans(given, team)
@@ -243,8 +245,7 @@ class Mission:
         every = [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(len(self.scenario.uavs))]
         self.faults += faults
         self._command(every)
-        return replace(
-            self.present,
+        return self.present.decide(
             plans=every,
             flown=self._flown,
             plan_bytes=sent,
@@ -282,7 +283,8 @@ class Mission:
                 steps = rates.physics // rates.sensing
                 flown = self._commands.copy()
                 for i, errors in enumerate(self._errors):
-                    flown[i] -= errors.velocity if errors else 0.0  # control follows the believed velocities
+                    if errors:
+                        flown[i] -= errors.velocity  # control follows the believed velocities
                 winds = None if self._air is None else self._air.steps(steps)
                 self._world.advance(flown, steps, winds, self._altitude_errors)
             for errors in filter(None, self._errors):

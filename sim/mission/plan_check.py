@@ -63,7 +63,7 @@ def check_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tup
     for situation, each in zip(team, proposed, strict=True):
         try:
             with plugin_call():
-                plan = copy_plan(each if hasattr(each, "controls") else _read_velocity(each))
+                plan = copy_plan(each) if hasattr(each, "controls") else _read_velocity(each)
         except PluginError as error:
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
         plans.append(_limit(plan, situation, faults))
@@ -80,7 +80,7 @@ def _limit(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
     own, controls = situation.own, plan.controls
     with np.errstate(over="ignore"):  # squares of huge, though finite, speeds overflow
         fastest = length(controls).max()
-        limited = Plan(limit_speed(controls, own.max_speed), plan.others)
+        limited = plan if fastest <= own.max_speed else Plan(limit_speed(controls, own.max_speed), plan.others)
     if fastest > own.max_speed * (1 + 1e-6):
         text = f"speed {spell(fastest, 3)} m/s exceeds {own.max_speed:g} m/s; clipped"
         faults.append(Fault(situation.time, own.id, text))

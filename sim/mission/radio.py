@@ -52,22 +52,22 @@ def draw_links(network: Network, time: float, positions: Array, rng: np.random.G
 
 def find_links(network: Network, time: float, positions: Array) -> Flags:
     """Adjacency (n, n) of UAVs at positions (n, 3) m: within range, with a link that exists and is not cut."""
-    up = np.ones((len(positions), len(positions)), dtype=np.bool_)
-    for broken in find_broken_links(network, time, positions).values():
-        up &= ~broken
-    np.fill_diagonal(up, False)
-    return up
+    broken = np.logical_or.reduce(list(find_broken_links(network, time, positions).values()))
+    np.fill_diagonal(broken, True)
+    return np.asarray(~broken)
 
 
 def find_broken_links(network: Network, time: float, positions: Array) -> dict[str, Flags]:
-    """Masks (n, n) of the pairs of UAVs at positions (n, 3) m without a link, by reason."""
-    gap = length(positions[:, None] - positions[None])
-    there = _make_adjacency(network.links, len(gap)) if network.links else np.ones_like(gap, dtype=np.bool_)
-    cut = np.zeros_like(there)
+    """Masks (n, n) of the pairs of UAVs at positions (n, 3) m without a link, by the reasons that the network has."""
+    gap, broken = length(positions[:, None] - positions[None]), dict[str, Flags]()
+    if network.links:
+        broken["not linked"] = ~_make_adjacency(network.links, len(gap))
+    if network.cuts:
+        broken["cut"] = np.zeros(gap.shape, dtype=np.bool_)
     for each in network.cuts:
         if each.start <= time and (each.end is None or time < each.end):
-            cut |= _make_adjacency(each.links, len(gap))
-    return {"not linked": ~there, "cut": cut, "out of range": gap > network.range}
+            broken["cut"] |= _make_adjacency(each.links, len(gap))
+    return broken | {"out of range": gap > network.range}
 
 
 def draw_lost_messages(network: Network, uavs: int, rng: np.random.Generator) -> Flags | None:

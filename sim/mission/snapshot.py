@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,6 +56,12 @@ class Snapshot:
         """Distance, localisation and cardinality (n, 3) m of each UAV's error; NaN of those that do not work."""
         known = self.known_ospa
         return measure_errors(self.tracks, self.working, self.people) if known is None else known
+
+    def decide(self, **changes: Any) -> "Snapshot":  # noqa: ANN401 - of any field
+        """The same with other fields, in a fifth of `replace`'s time."""
+        snapshot = object.__new__(Snapshot)
+        snapshot.__dict__.update(self.__dict__, **changes)
+        return snapshot
 
     def plain(self) -> "Snapshot":
         """The same in classes of ours alone, whatever those of plug-ins are: other processes need not know them."""

@@ -1,13 +1,12 @@
 """What each UAV knows about its teammates, and the sending of plans over the radio."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import permutations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from planning.planner import Exchange, Plan, Situation, Vehicle
+from planning.planner import Exchange, Plan, Vehicle
 from planning.prediction.response import vehicle_after
 from sim.mission.radio import Inbox, RadioLinks, draw_jitter
 from sim.mission.scan_relay import ScanRelay
@@ -49,7 +48,8 @@ class Teammates:
         self, time: float, fleet: Sequence[Vehicle], links: RadioLinks, working: Sequence[int], step: float
     ) -> None:
         """Go on to the next decision, `step` s after the last: drop failed UAVs, and predict those out of contact."""
-        works = np.isin(np.arange(len(fleet)), working)
+        works = np.zeros(len(fleet), dtype=np.bool_)
+        works[list(working)] = True
         both = works[:, None] & works
         self._fleet = fleet
         self._up = links.up & both
@@ -72,19 +72,17 @@ class Teammates:
             return [self._up] * rounds
         return [self._up & (draw >= self._loss) for draw in self._rng.random((rounds, n, n))]
 
-    def complete(self, situation: Situation) -> Situation:
-        """Add to a UAV's situation what it knows about the others, its own last plan, and which plans will reach it."""
-        own = situation.own.id
+    def tell(self, own: int) -> dict[str, Any]:
+        """Fields of a UAV's situation: what it knows about the others, known plans, and which plans will reach it."""
         known = {j: self._known[i, j] for i, j in sorted(self._known) if i == own}
         plans = {j: k.plan for j, k in known.items() if len(k.plan.controls)}
         if own in self.own:
             plans[own] = self.own[own]
-        return replace(
-            situation,
-            neighbours=tuple(k.vehicle for k in known.values()),
-            intents={j: plans[j] for j in sorted(plans)},
-            reception=tuple(tuple(np.flatnonzero(received[own]).tolist()) for received in self._received),
-        )
+        return {
+            "neighbours": tuple(k.vehicle for k in known.values()),
+            "intents": {j: plans[j] for j in sorted(plans)},
+            "reception": tuple(tuple(np.flatnonzero(received[own]).tolist()) for received in self._received),
+        }
 
     def send(self, plans: Mapping[int, Plan]) -> Indices:
         """Send the plan of each working UAV to the UAVs that it reaches; return the bytes (n,) that each UAV sent."""
@@ -144,7 +142,8 @@ class LateTeammates(Teammates):
         """As `Teammates.update`; takes in what has arrived."""
         self._time = time
         self._fleet = fleet
-        works = np.isin(np.arange(len(fleet)), working)
+        works = np.zeros(len(fleet), dtype=np.bool_)
+        works[list(working)] = True
         self._up = links.up & works[:, None] & works
         self._contact = np.zeros_like(self._up)
         self._received = [self._up if self._exchange.centre else self._contact] * self._exchange.rounds

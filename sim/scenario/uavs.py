@@ -12,7 +12,7 @@ from sim.scenario.quantities import Point, simplify_number
 from tracking.errors import check_known, spell
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import AREA_FROM_ABOVE
-from tracking.geometry.quaternions import level_attitude, pitch
+from tracking.geometry.quaternions import pitch
 from tracking.navigation import NAVIGATION, Navigation
 from tracking.numerics.trigonometry import arctan2, cos, sin
 from tracking.settings import DAY, Probability, Speed, Time
@@ -93,7 +93,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
         east. Without a mounting angle it then looks straight down with north up; the angle pitches it towards the
         body's x axis.
         """
-        carrier = np.array(level_attitude(0.0)) if self.mount == "gimbal" else body.quaternion
+        carrier = np.array([0.0, 0.0, 0.0, 1.0]) if self.mount == "gimbal" else body.quaternion
         return Pose(body.position, pitch(carrier, math.radians(self.tilt_deg)))
 
     @property

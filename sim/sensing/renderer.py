@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from sim.installation import ASSETS
 from sim.sensing.culling import (
-    LEAST_FAR_PLANE,
-    NEAR_PLANE,
     find_hidden,
     find_in_frustum,
     select_covers,
     select_standing,
 )
+from sim.sensing.rasteriser import Rasteriser, make_projection, make_view
 from sim.sensing.rolling_shutter import Sweep
 from sim.sensing.sensor_mode import Rendered
 from sim.world.appearance import AMBIENT, DIFFUSE, LIGHT
@@ -28,7 +27,7 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import ENCLOSING_CYLINDER
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
-from tracking.numerics.matrices import apply, products
+from tracking.numerics.matrices import products
 
 _TEXELS = 10.0  # per m
 _SKY = (186, 208, 226)
@@ -169,7 +168,11 @@ class Renderer:
         self._light = {**_LIGHT, "lightDirection": self._style.light, "lightAmbientCoeff": self._style.ambient}
         self._standing, self._covers = select_standing(world.solids), select_covers(world.solids)
         self._radii = np.array([model.radius for model in world.models])
+        self._rasteriser = Rasteriser(world)
+        self._people_by_body = np.full(len(world.models) + 1, -1, dtype=np.int32)  # the last one is the background
         self._people = len([model for model in world.models if model.kind == "person"])
+        first = len(self._standing)
+        self._people_by_body[first : first + self._people] = np.arange(self._people)
         self._ground = Ground(self._style.ground_tint, self._style.ground_place)
 
     def take(self, uav: int, time: float, camera: Camera, pose: Pose, sweep: Sweep | None = None) -> Rendered:
@@ -219,14 +222,19 @@ class Renderer:
 
     def _capture(self, view: StraightView, pose: Pose, seen: Flags) -> tuple["Capture", NDArray[np.int32]]:
         """The view before the ground is drawn, and its mask of people."""
-        shown = self._world.show(seen)
-        found = capture(shown.client, view.straight, pose, light=self._light, opengl=self._world.opengl)
+        world = self._world
+        if world.opengl:
+            found = capture(world.client, view.straight, pose, light=self._light, opengl=True)
+            people_by_id = world.people_by_id
+        else:
+            drawn = self._rasteriser.draw(view.straight, pose, seen)
+            found, people_by_id = Capture(drawn.image, drawn.heights, drawn.bodies), self._people_by_body
         if view.sources.size:
             image, depth, bodies = found
             image = np.take(image.reshape(-1, 3), view.sources, axis=0)
             bodies = np.where(view.dark, -1, np.take(bodies, view.sources))
             found = Capture(image, np.take(depth, view.sources), bodies)
-        return found, np.take(shown.people_by_id, found.bodies, mode="wrap")
+        return found, np.take(people_by_id, found.bodies, mode="wrap")
 
     def in_view(self, camera: Camera, pose: Pose) -> Flags:
         """Mask (B,) of the world's bodies that may show in the image."""
@@ -255,12 +263,8 @@ class Capture(NamedTuple):
 def capture(
     client: int, camera: Camera, pose: Pose, *, light: Mapping[str, Any] = _LIGHT, opengl: bool = False
 ) -> Capture:
-    """Raw view of a client; the far plane is ten times the camera's height away, but at least `LEAST_FAR_PLANE`."""
-    rotation, position = pose.rotation, pose.position
-    view = np.eye(4)
-    view[:3, :3] = rotation.T
-    view[:3, 3] = -apply(rotation.T, position)
-    projection = _make_projection(camera, 0.0 if opengl else 0.5, max(LEAST_FAR_PLANE, 10.0 * float(position[2])))
+    """Raw view of a client by one of PyBullet's renderers: OpenGL, or TinyRenderer, which tests compare with ours."""
+    view, projection = make_view(pose), make_projection(camera, pose, 0.0 if opengl else 0.5)
     _, _, rgba, depth, bodies = pybullet.getCameraImage(
         *camera.size,
         viewMatrix=view.ravel(order="F").tolist(),
@@ -277,18 +281,3 @@ def capture(
         np.asarray(depth, dtype=np.float32).reshape(size),
         np.asarray(bodies, dtype=np.int32).reshape(size),
     )
-
-
-def _make_projection(camera: Camera, shift: float, far: float) -> Array:
-    """OpenGL projection (4, 4) up to the depth `far` m.
-
-    shift: 0.5 pixels for TinyRenderer, which samples pixels at their corners.
-    """
-    o, projection = camera.optics, np.zeros((4, 4))
-    projection[0, 0], projection[1, 1] = 2.0 * o.fx / o.width, 2.0 * o.fy / o.height
-    projection[0, 2] = 1.0 - 2.0 * o.cx / o.width + 2.0 * shift / o.width
-    projection[1, 2] = 2.0 * o.cy / o.height - 1.0 + 2.0 * shift / o.height
-    projection[2, 2] = -(far + NEAR_PLANE) / (far - NEAR_PLANE)
-    projection[2, 3] = -2 * far * NEAR_PLANE / (far - NEAR_PLANE)
-    projection[3, 2] = -1.0
-    return projection

@@ -174,7 +174,7 @@ class LineOfSightMode:
     def _locate(self, shot: Shot, seen: Flags) -> SensorOutput:
         """Detections of the people (M,) who are seen."""
         if not self._mistaken[shot.uav]:
-            owners = np.flatnonzero(seen)
+            owners = seen.nonzero()[0]
             return SensorOutput(shot.locate(shot.people[owners]), owners, seen.astype(np.int64))
         # Through the lens as believed, a person's pixel shows another place.
         camera, pose = self.setup.scenario.true_camera(shot.uav), shot.true

@@ -111,11 +111,11 @@ class Sensors:
     def read_all(self, shots: Sequence[Shot]) -> list[Reading]:
         """The measurements of exposed shots of one scan, in the order of their UAVs."""
         outputs = self._sense_all(shots)
-        scans = self._make_scans(shots, outputs)
-        ends = list(accumulate((len(output.ground) for output in outputs), initial=0))
+        places = self._measure(shots, outputs)
+        ends = list(accumulate((len(z) for z, _ in places), initial=0))
         drawn = self._clutter.draw_kept(ends[-1])
-        kept = [np.flatnonzero(drawn[first:last]) for first, last in pairwise(ends)]
-        return list(map(self._complete, shots, outputs, scans, kept))
+        kept = [drawn[first:last].nonzero()[0] for first, last in pairwise(ends)]
+        return list(map(self._complete, shots, outputs, kept, places))
 
     @staticmethod
     def rest(shot: Shot) -> Reading:
@@ -136,70 +136,72 @@ class Sensors:
         with SENSOR_MODES.errors(self._name, "sense", self._mode, "sense"):
             return check_output(self._mode.sense(deepcopy(shot)), shot.people)
 
-    def _make_scans(self, shots: Sequence[Shot], outputs: Sequence[SensorOutput]) -> list[Scan]:
-        """Scans of all detections, with samples of the UAVs' noise models unless an output forbids it.
+    def _measure(self, shots: Sequence[Shot], outputs: Sequence[SensorOutput]) -> list[tuple[Array, Array]]:
+        """Measurements (N, 2) m of all detections and their covariances (N, 2, 2) m², by shot.
 
-        The sample has the covariance at the ground point; the scan gives that at the measurement, which alone is known.
+        They have samples of the UAVs' noise models unless an output forbids it. The sample has the covariance at the
+        ground point; the covariance given is that at the measurement, which alone is known.
         """
-        pairs = list(zip(shots, outputs, strict=True))
-        noisy = [(shot, output.ground) for shot, output in pairs if output.noise == "added"]
-        ends = list(accumulate((len(ground) for _, ground in noisy), initial=0))
+        noisy = [(shot, output.ground) for shot, output in zip(shots, outputs, strict=True) if output.noise == "added"]
         if noisy:
-            ground = np.concatenate([ground for _, ground in noisy])
-            uavs, counts = [shot.uav for shot, _ in noisy], np.diff(ends)
-            eyes = np.repeat([shot.pose.position[:2] for shot, _ in noisy], counts, axis=0)
-            drawn = standard_normal(self._rng, ground.shape)
-            z, R = _add_noise(np.repeat(self._models[uavs], counts, axis=0), eyes, ground, drawn)
-        scans, parts = [], pairwise(ends)
-        for shot, output in pairs:
-            if output.noise == "none":
-                assert output.covariances is not None
-                places, covariances = output.ground, output.covariances
-            else:
-                first, last = next(parts)
-                places, covariances = z[first:last], R[first:last]
-                if output.covariances is not None:
-                    covariances = covariances + output.covariances
-            scans.append(Scan(shot.uav, shot.time, shot.pose, places, covariances))
-        return scans
+            ground = np.concatenate([places for _, places in noisy])
+            eyes = np.array([shot.pose.position for shot, _ in noisy])
+            uavs, ends = [shot.uav for shot, _ in noisy], np.cumsum([len(places) for _, places in noisy])
+            z, R = _add_noise(self._models[uavs], eyes, ends, ground, standard_normal(self._rng, ground.shape))
+        first, found = 0, []
+        for output in outputs:
+            places, covariances = output.ground, output.covariances
+            if output.noise == "added":
+                own = slice(first, first := first + len(places))
+                places, covariances = z[own], R[own] if covariances is None else R[own] + covariances
+            assert covariances is not None
+            found.append((places, covariances))
+        return found
 
-    def _complete(self, shot: Shot, output: SensorOutput, scan: Scan, kept: Indices) -> Reading:
-        """The reading of the detections that are not missed, with false alarms."""
-        z, R = scan.measurements[kept], scan.covariances[kept]
+    def _complete(self, shot: Shot, output: SensorOutput, kept: Indices, measured: tuple[Array, Array]) -> Reading:
+        """The reading of the measurements that are not missed, with false alarms."""
+        z, R = measured
         pixels = np.zeros((0, 2)) if output.pixels is None else output.pixels[kept]
-        places, ground = self._clutter.draw_false_alarms(self.cameras[scan.uav], scan.pose)
-        if len(ground):
-            z = np.concatenate([z, ground])
-            R = np.concatenate([R, self._compute_alarm_covariances(scan, output, ground)])
-            pixels = pixels if output.pixels is None else np.concatenate([pixels, places])
-        if len(ground) or output.frame is None:  # without images the mode's order may reveal identities
-            order = self._clutter.draw_order(len(z))
-            z, R, pixels = z[order], R[order], pixels[order] if len(pixels) else pixels
         matched = np.zeros(len(shot.people), dtype=np.bool_)
         owners = output.owners[kept]
         matched[owners[owners >= 0]] = True
-        scan = Scan(scan.uav, scan.time, scan.pose, z, R)
+        places, ground = self._clutter.draw_false_alarms(self.cameras[shot.uav], shot.pose)
+        if len(ground):
+            z = np.concatenate([z[kept], ground])
+            R = np.concatenate([R[kept], self._compute_alarm_covariances(shot, output, ground)])
+            pixels = pixels if output.pixels is None else np.concatenate([pixels, places])
+            kept = np.arange(len(z))
+        if len(ground) or output.frame is None:  # without images the mode's order may reveal identities
+            order = self._clutter.draw_order(len(kept))
+            kept, pixels = kept[order], pixels[order] if len(pixels) else pixels
+        scan = Scan(shot.uav, shot.time, shot.pose, z[kept], R[kept])
         image = None if output.frame is None else output.frame.image
         return Reading(scan, pixels, image, output.visible, matched, output.errors)
 
-    def _compute_alarm_covariances(self, scan: Scan, output: SensorOutput, ground: Array) -> Array:
+    def _compute_alarm_covariances(self, shot: Shot, output: SensorOutput, ground: Array) -> Array:
         """Covariances (K, 2, 2) m² of false alarms at ground points (K, 2) m: those of people in plain view there."""
-        eyes = np.repeat([scan.pose.position[:2]], len(ground), axis=0)
-        noise = measurement_covariances(np.repeat(self._models[[scan.uav]], len(ground), axis=0), eyes, ground)
+        eyes = np.repeat([shot.pose.position[:2]], len(ground), axis=0)
+        noise = measurement_covariances(np.repeat(self._models[[shot.uav]], len(ground), axis=0), eyes, ground)
         if output.frame is None:
             return np.zeros_like(noise) + noise
-        whole = whole_covariances(self.cameras[scan.uav].lens(scan.pose), ground)
+        whole = whole_covariances(self.cameras[shot.uav].lens(shot.pose), ground)
         return whole if output.noise == "none" else whole + noise
 
 
 @compiled
-def _add_noise(models: Array, eyes: Array, ground: Array, drawn: Array) -> tuple[Array, Array]:
+def _add_noise(models: Array, eyes: Array, ends: Indices, ground: Array, drawn: Array) -> tuple[Array, Array]:
     """Measurements (N, 2) m and their covariances (N, 2, 2) m² at ground points (N, 2) m, from normal numbers (N, 2).
 
-    models (N, 7) and eyes (N, 2) m as in `measurement_covariances`.
+    models (C, 7): `NoiseModel.coefficients` of each camera; eyes (C, 3) m: where it is; ends (C,): the number of ground
+    points of the cameras up to it.
     """
-    roots, z = cholesky_factors(measurement_covariances(models, eyes, ground)), ground.copy()
+    rows, here, c = np.empty((len(ground), 7)), np.empty((len(ground), 2)), 0
+    for n in range(len(ground)):
+        while ends[c] <= n:
+            c += 1
+        rows[n], here[n, 0], here[n, 1] = models[c], eyes[c, 0], eyes[c, 1]
+    roots, z = cholesky_factors(measurement_covariances(rows, here, ground)), ground.copy()
     for n in range(len(z)):
         z[n, 0] += roots[n, 0, 0] * drawn[n, 0] + roots[n, 0, 1] * drawn[n, 1]
         z[n, 1] += roots[n, 1, 0] * drawn[n, 0] + roots[n, 1, 1] * drawn[n, 1]
-    return z, measurement_covariances(models, eyes, z)
+    return z, measurement_covariances(rows, here, z)

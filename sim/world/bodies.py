@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.installation import ASSETS
 from sim.scenario.scenario import Scenario
@@ -17,7 +16,7 @@ from sim.world.leaves import Leaves
 from sim.world.quadrotor import GRAVITY
 from tracking.geometry.person import ENCLOSING_RADIUS, PERSON_HEIGHT, PERSON_RADIUS
 from tracking.geometry.visibility import PARTS, Forest, Part, Solid
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.trigonometry import hypot
 
 AWAY = (0.0, 0.0, -1000.0)  # position of absent people: far below everything
@@ -83,24 +82,21 @@ def list_models(
     return tuple(models)
 
 
-def empty_people_by_id(models: Sequence[BodyModel]) -> NDArray[np.int32]:
-    """Table of the person with each id in the engine, with nobody yet, -1.
-
-    The engine gives ids of removed bodies again. The background's id -1 arrives at the end of the table by wrapping.
-    """
-    return np.full(2 * len(models) + 2, -1, dtype=np.int32)
-
-
-def add_mesh(engine: Engine, model: BodyModel) -> int:
+def _add_mesh(engine: Engine, model: BodyModel) -> int:
     """Id of a new visual shape in the engine."""
     if model.leaves:
         return _add_leaves(engine, model.leaves)
-    path = str(ASSETS / "meshes" / f"{_MESHES.get(model.kind, model.kind)}.obj")
+    path = str(ASSETS / "meshes" / mesh_file(model.kind))
     return int(engine.createVisualShape(pybullet.GEOM_MESH, fileName=path, meshScale=model.scale))
 
 
-def _add_leaves(engine: Engine, leaves: Leaves) -> int:
-    """Id of the visual shape of leaves; without any, that of one cluster of no size."""
+def mesh_file(kind: str) -> str:
+    """Name of the file with the mesh of a kind of body."""
+    return f"{_MESHES.get(kind, kind)}.obj"
+
+
+def list_triangles(leaves: Leaves) -> tuple[Array, Indices, Array]:
+    """Corners (N, 3) m of leaves, their triangles (F, 3), and normals (N, 3); without any, of a cluster of no size."""
     corners = leaves.draw()
     corners = corners if len(corners) else np.zeros((1, 4, 3))
     # Normals along an axis keep their bits (see `assets.mesh`): that nearest to the cluster's own, seen from above.
@@ -110,20 +106,26 @@ def _add_leaves(engine: Engine, leaves: Leaves) -> int:
     normals = np.sign(normals) * np.eye(3)[axes]
     # The engine draws triangles only where they turn anticlockwise, and clusters show from both sides.
     both = np.array([0, 1, 2, 0, 2, 3, 0, 2, 1, 0, 3, 2])
+    faces = (4 * np.arange(len(corners))[:, None] + both).reshape(-1, 3)
+    return corners.reshape(-1, 3), faces, np.repeat(normals, 4, axis=0)
+
+
+def _add_leaves(engine: Engine, leaves: Leaves) -> int:
+    """Id of the visual shape of leaves."""
+    corners, faces, normals = list_triangles(leaves)
     return int(
         engine.createVisualShape(
             pybullet.GEOM_MESH,
-            vertices=corners.reshape(-1, 3).tolist(),
-            indices=(4 * np.arange(len(corners))[:, None] + both).ravel().tolist(),
-            normals=np.repeat(normals, 4, axis=0).tolist(),
+            vertices=corners.tolist(),
+            indices=faces.ravel().tolist(),
+            normals=normals.tolist(),
         )
     )
 
 
-def paint(engine: Engine, id: int, model: BodyModel, alpha: float = 1.0) -> None:
-    """Give a body its colour; alpha: 0 if it is hidden."""
-    red, green, blue = model.tint if model.leaves is None else _multiply(model.tint, _FOLIAGE)
-    engine.changeVisualShape(id, -1, rgbaColor=(red, green, blue, alpha))
+def paint_of(model: BodyModel) -> tuple[float, float, float]:
+    """Red, green and blue that multiply a body's texture, which leaves have none of."""
+    return model.tint if model.leaves is None else _multiply(model.tint, _FOLIAGE)
 
 
 class Bodies:
@@ -149,7 +151,8 @@ class Bodies:
         self.people, self.uavs = ([body for body in self.all if body.kind == kind] for kind in ("person", "uav"))
         self.names = {ground: ("ground", 0)}  # kind of each body, and index of its tree, person or UAV
         self.names.update({body.id: (body.kind, body.index) for body in self.all})
-        self.people_by_id = empty_people_by_id(models)
+        # The background's id -1 arrives at the end of the table by wrapping.
+        self.people_by_id = np.full(2 * len(models) + 2, -1, dtype=np.int32)
         self.people_by_id[[body.id for body in self.people]] = np.arange(len(self.people))
 
     def _make_cylinder(self, radius: float, height: float) -> int:
@@ -175,10 +178,10 @@ class Bodies:
         else:
             if model.shape not in self._shapes:
                 size = (PERSON_RADIUS, PERSON_HEIGHT) if model.kind == "person" else model.scale[1:]
-                mesh = add_mesh(self.engine, model) if self._drawn or model.leaves is None else -1
+                mesh = _add_mesh(self.engine, model) if self._drawn or model.leaves is None else -1
                 self._shapes[model.shape] = self._make_cylinder(*size), mesh
             id_ = int(self.engine.createMultiBody(0.0, *self._shapes[model.shape], model.place))
-        paint(self.engine, id_, model)
+        self.engine.changeVisualShape(id_, -1, rgbaColor=(*paint_of(model), 1.0))
         return Body(**vars(model), id=id_)
 
 

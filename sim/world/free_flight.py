@@ -37,10 +37,12 @@ def glide_while_clear(states: Array, commands: Array, dt: float, steps: int, top
 
     states (n, 13), changed in place, dt and top as in `fly_while_clear`; commands (n, 2) m/s.
     """
+    turned = True
     for k in range(steps):
-        moved = move_kinematic(states, commands, dt)
+        moved = move_kinematic(states, commands, dt, turned)
         if not _are_clear(moved, top):
             return k
+        turned = turned and not np.array_equal(moved[:, 3:7], states[:, 3:7])
         for i in range(len(states)):
             for j in range(9):
                 states[i, j] = moved[i, j]
@@ -48,20 +50,23 @@ def glide_while_clear(states: Array, commands: Array, dt: float, steps: int, top
 
 
 @merged
-def move_kinematic(states: Array, commands: Array, dt: float) -> Array:
+def move_kinematic(states: Array, commands: Array, dt: float, turns: bool) -> Array:
     """States (n, 13) after a step of [Li22] eq. (5) for dt s; commands (n, 2) m/s.
 
     UAVs face the direction of flight and keep their heading at zero velocity. At each step the engine settles
-    quaternions; states have those that it is given.
+    quaternions; states have those that it is given. turns: False if the last step under these commands turned nobody.
     """
-    turned, moved = settle(states[:, 3:7]), states.copy()
+    moved = states.copy()
     for i in range(len(states)):
-        east, north = commands[i, 0], commands[i, 1]
-        moved[i, 0] += east * dt
-        moved[i, 1] += north * dt
-        yaw = arctan2(north, east) if east != 0.0 or north != 0.0 else 2 * arctan2(turned[i, 2], turned[i, 3])
-        moved[i, 3], moved[i, 4], moved[i, 5], moved[i, 6] = level_attitude(yaw)
-        moved[i, 7], moved[i, 8] = east, north
+        moved[i, 0] += commands[i, 0] * dt
+        moved[i, 1] += commands[i, 1] * dt
+    if turns:
+        turned = settle(states[:, 3:7])
+        for i in range(len(states)):
+            east, north = commands[i, 0], commands[i, 1]
+            yaw = arctan2(north, east) if east != 0.0 or north != 0.0 else 2 * arctan2(turned[i, 2], turned[i, 3])
+            moved[i, 3], moved[i, 4], moved[i, 5], moved[i, 6] = level_attitude(yaw)
+            moved[i, 7], moved[i, 8] = east, north
     return moved
 
 

@@ -32,7 +32,8 @@ class Trajectories:
 
     def at(self, time: float) -> PeoplePoses:
         """Positions and headings of all people at a time [s]."""
-        step = (time - self.times[0]) / (self.times[1] - self.times[0])
+        first, second = self.times[:2].tolist()
+        step = (time - first) / (second - first)
         between = abs(step - round(step)) > EXACT
         k = math.floor(step) if between else round(step)
         if not 0 <= k < len(self.times) - between:

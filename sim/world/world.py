@@ -6,7 +6,7 @@ from copy import deepcopy
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +19,11 @@ from sim.world.contacts import Contact
 from sim.world.engine import Engine, pybullet
 from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinematic, wrenches
 from sim.world.lens_images import straighten
-from sim.world.shown_bodies import ShownBodies
 from tracking.geometry.camera import Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.quaternions import level_attitude, rotate, settle
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Array, Flags
-
-
-class Shown(NamedTuple):
-    """Client of the engine that shows bodies, with the person of each id in it, -1 for others."""
-
-    client: int
-    people_by_id: NDArray[np.int32]
+from tracking.numerics.arrays import Array
 
 
 class World:
@@ -43,8 +35,8 @@ class World:
     `states` (n, 13) has the UAVs' positions m, quaternions xyzw, velocities m/s and spins rad/s.
     If the scenario varies the appearance, it is decided by the seed, and the noise of images by seed and repeat.
     Except with OpenGL, a world can be copied and pickled; the copy has its own clients in the same state.
-    The engine moves UAVs only when one is near another body, and the client with all bodies is made only then. Cameras
-    see `ShownBodies` in another client; with OpenGL they see all bodies.
+    The engine moves UAVs only when one is near another body, and the client is made only then, or for OpenGL, which
+    draws its bodies.
     """
 
     def __init__(
@@ -127,26 +119,21 @@ class World:
             raise
         return made
 
-    def show(self, wanted: Flags) -> Shown:
-        """Show bodies (B,) and no others, or with OpenGL all of them, because it cannot hide single bodies."""
-        if self.opengl:
-            return Shown(self.client, self._bodies.people_by_id)
-        self._shown_bodies.show(wanted, self._find_pose)
-        return Shown(self._shown_bodies.client, self._shown_bodies.people_by_id)
+    @property
+    def people_by_id(self) -> NDArray[np.int32]:
+        """The person of each id in the client, -1 for others and, by wrapping, for the background."""
+        return self._bodies.people_by_id
 
-    @cached_property
-    def _shown_bodies(self) -> ShownBodies:
-        cameras = len(self.states)
-        moving = len(self._headings) + cameras
-        return ShownBodies(pybullet.connect(pybullet.DIRECT), self.models, moving, cameras)
-
-    def _find_pose(self, moving: int) -> Placed:
-        """Where a body that moves is, people first and then UAVs."""
-        if (uav := moving - len(self._headings)) >= 0:
-            state = self.states[uav].tolist()
+    def find_place(self, k: int) -> Placed:
+        """Where body k is."""
+        model = self.models[k]
+        if model.kind == "uav":
+            state = self.states[model.index].tolist()
             return state[_POSITION], state[_QUATERNION]
-        x, y, _ = self._people_centres[moving].tolist()
-        yaw = float(self._headings[moving])
+        if model.kind != "person":
+            return model.place, level_attitude(0.0)
+        x, y, _ = self._people_centres[model.index].tolist()
+        yaw = float(self._headings[model.index])
         yaw = 0.0 if math.isnan(yaw) else yaw
         return AWAY if math.isnan(x) else (x, y, 0.0), level_attitude(yaw)
 
@@ -167,7 +154,7 @@ class World:
     def place_people(self, positions: Array, headings: Array) -> None:
         """Put people at positions (M, 2) m with headings (M,) rad from east; NaN means absent."""
         self._people_centres[:, :2] = positions
-        self._people_centres[:, 2] = np.where(np.isnan(positions[:, 0]), np.nan, TARGET_HEIGHT)
+        self._people_centres[:, 2] = 0.0 * positions[:, 0] + TARGET_HEIGHT  # NaN if absent
         self._headings = headings
         if self._made:
             self._put_people(self._bodies)
@@ -221,7 +208,7 @@ class World:
         """
         bodies = self._bodies
         if self._kinematic:
-            self.states = move_kinematic(self.states, commands, self._dt)
+            self.states = move_kinematic(self.states, commands, self._dt, True)
             self._put_uavs(bodies)
             self.engine.performCollisionDetection()
             self._note_contacts()
@@ -252,8 +239,6 @@ class World:
     def close(self) -> None:
         """Free the client. A second call does nothing: by then PyBullet may have given the number to another client."""
         if not self._closed:
-            if "_shown_bodies" in vars(self):
-                pybullet.disconnect(self._shown_bodies.client)
             if self._made and self.engine.isConnected():
                 self._disconnect(self.client)
         self._closed = True
@@ -304,8 +289,9 @@ class World:
 
     def _put_people(self, bodies: Bodies) -> None:
         """Put people where they are; absent ones are away."""
+        first = len(self.solids)
         for m, body in enumerate(bodies.people):
-            bodies.engine.resetBasePositionAndOrientation(body.id, *self._find_pose(m))
+            bodies.engine.resetBasePositionAndOrientation(body.id, *self.find_place(first + m))
 
     def _put_uavs(self, bodies: Bodies) -> None:
         """Put UAVs into their `states`."""

@@ -265,7 +265,7 @@ def test_a_silent_neighbour_is_reckoned_with_its_momentum(random_team):
     place, velocity = fleet[1].position[:2], before
     for command in commands[:2]:
         teammates.update(0.0, fleet, RadioLinks(np.zeros_like(up), None), [0, 1], 0.5)
-        (known,) = teammates.complete(random_team(0, uavs=2)[0]).neighbours
+        (known,) = teammates.tell(0)["neighbours"]
         place = place + 0.5 * command + 0.65 * (1.0 - left) * (velocity - command)
         velocity = command + left * (velocity - command)
         np.testing.assert_allclose(known.position, [*place, fleet[1].position[2]])
