@@ -247,7 +247,7 @@ def _find_top(e: Evidence, profile: Array) -> tuple[float, float, bool]:
     for k in range(1, len(profile)):
         if not math.isnan(profile[k]) and (best == 0 or profile[k] > profile[best]):
             best = k
-    if best == 0:
+    if best == 0 or not profile[best] >= _FAINT:
         return math.nan, math.nan, False
     top = e.heights[best]
     if 1 < best < len(profile) - 1:
