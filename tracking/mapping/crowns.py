@@ -25,7 +25,7 @@ _ROUNDS = 4  # of finding edges and fitting a circle
 _REACH = 1.5  # m from the supposed edge in which it is looked for, at first
 _TOLERANCE = 0.3  # m; edges farther off count less
 _EDGE = 0.15  # m, standard deviation of an edge that is expected
-_ALIKE = 6.5  # directions that err alike
+_ALIKE = 5.5  # directions that err alike
 _FEWEST = 10  # edges of a circle that is looked at
 _RIM = 4.0  # m of its rim that have to be seen, or three quarters of it
 
@@ -247,7 +247,7 @@ def _find_top(e: Evidence, profile: Array) -> tuple[float, float, bool]:
     for k in range(1, len(profile)):
         if not math.isnan(profile[k]) and (best == 0 or profile[k] > profile[best]):
             best = k
-    if best == 0:
+    if best == 0 or not profile[best] >= _FAINT:
         return math.nan, math.nan, False
     top = e.heights[best]
     if 1 < best < len(profile) - 1:

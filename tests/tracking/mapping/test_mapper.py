@@ -152,3 +152,11 @@ def test_covariances_tell_the_errors():
             squares.append(error @ np.linalg.solve(found.covariance[:3, :3], error) / 3)
     assert len(squares) == 16
     assert 0.3 < np.mean(squares) < 2.0
+
+
+def test_frames_that_have_nothing_in_common_show_no_tree():
+    mapper, rng = ParallaxMapper(), np.random.default_rng(0)
+    for k, place in enumerate(PATH):
+        image = rng.integers(90, 130, (128, 128, 3), dtype=np.uint8)
+        mapper.add(Frame(0, 0.2 * k, SQUARE, Pose.level(*place), image))
+    assert mapper.trees() == ()
