@@ -93,19 +93,20 @@ def take_scans(
     views: Views,
     found: Found,
     partitions: Indices,
-    now: float,
+    levels: tuple[float, float],
     settings: tuple[ScanSettings, AssociationSettings, LossRule],
 ) -> tuple[ScanPrediction, ScanUpdate, Indices, Told]:
-    """Associate the scans of N UAVs at `now` s with their tracks, predicted to this time, and update the tracks.
+    """Associate the scans of N UAVs with their tracks, predicted to their time, and update the tracks.
 
-    partitions (N, 2): number of each UAV and of its leader. Returns where the pairs of each UAV start (N + 1,) in
+    partitions (N, 2): number of each UAV and of its leader; levels: time of the scans [s], and probability from which
+    on a person counts as detected. Returns where the pairs of each UAV start (N + 1,) in
     `gates` and `weights` of the update, whose numbers are those of all rows and measurements, and what each UAV tells
     with the fusion rule `HybridConsensus`.
     """
     beliefs = Beliefs(table.means, table.covariances)
-    before, measured = _predict_views(starts, table, beliefs, views, found, now, settings)
+    before, measured = _predict_views(starts, table, beliefs, views, found, levels[0], settings)
     after, pairs = _update(starts, before, measured, views, found, settings[1])
-    _note_detections(starts, table, before.visible, after, pairs, found.starts, now, settings[0].by_existence)
+    _note_detections(starts, table, before.visible, after, pairs, found.starts, levels, settings[0].by_existence)
     owners = np.empty((2, len(table.ids)), np.int64)
     for n in range(len(partitions)):
         for t in range(starts[n], starts[n + 1]):
@@ -168,10 +169,11 @@ def _note_detections(
     after: ScanUpdate,
     pairs: Indices,
     places: Indices,
-    now: float,
+    levels: tuple[float, float],
     by_existence: bool,
 ) -> None:
-    """Note in the columns `times`, `views` and `weights` what the scans at `now` s detected."""
+    """Note in the columns `times`, `views` and `weights` what the scans detected; levels as in `take_scans`."""
+    now, least = levels
     detected, without = 1.0 - after.missed, np.zeros(len(visible), np.bool_)
     for n in range(0 if by_existence else len(starts) - 1):
         own = after.gates[pairs[n] : pairs[n + 1]].copy()
@@ -181,7 +183,7 @@ def _note_detections(
         for t in range(len(flags)):
             without[starts[n] + t] = flags[t]
     for t in range(len(visible)):
-        if detected[t] >= SEEN and not without[t]:
+        if detected[t] >= least and not without[t]:
             table.times[t, DETECTED_AT] = now
         if visible[t] >= EXPECTED:
             table.times[t, EXPECTED_AT] = now

@@ -28,7 +28,7 @@ from tracking.measurement_update import ScanPrediction, ScanUpdate
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.exponential import power
 from tracking.numerics.matrices import apply
-from tracking.parameters import TrackerParameters
+from tracking.parameters import SEEN, TrackerParameters
 from tracking.registration.registration import make_registration
 from tracking.track import (
     DETECTED_AT,
@@ -161,7 +161,7 @@ class Tracker:
             Views(optics, frames, forest.occluders, forest.leaves),
             found,
             np.array([(tracker.uav, tracker._messenger.partition.leader) for tracker in trackers]),
-            time,
+            (time, SEEN),
             (scan_settings, association, loss),
         )
         table.means, table.covariances, table.existence = after[:3]
