@@ -1,0 +1,81 @@
+"""UAVs that map the trees in their own frames, and know of no other."""
+
+import numpy as np
+import pytest
+from helpers.flights import fly, recording_of
+
+from sim.scenario.loading import load_scenario
+from tracking.errors import InputError
+from tracking.geometry.camera import Pose
+from tracking.geometry.line_of_sight import value_at
+from tracking.geometry.visibility import Tree
+
+UNSEEN = Tree(60.0, -40.0)
+STEMS = [(-22.0, -12.0), (-10.0, 8.0), (-24.0, 6.0), (-12.0, -8.0), (0.0, 0.0), (2.0, 14.0)]
+
+
+def fly_mapping(path, trees, *overrides, duration=8):
+    lines = ["x,y,canopy_radius,canopy_base,canopy_top,trunk_radius"]
+    lines += [f"{tree.x},{tree.y},{tree.canopy_radius},{tree.canopy_base},{tree.canopy_top},0.2" for tree in trees]
+    path.write_text("\n".join(lines))
+    mapped = "trees.file=" + str(path), "mapping.forest=mapped"
+    mission, snapshots = fly(*mapped, *overrides, planner="sma-nbo-gospa", seed=3, duration=duration)
+    return mission, recording_of(mission, snapshots, seed=3)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    trees = [Tree(x, y, 4.0) for x, y in STEMS]
+    return [fly_mapping(tmp_path_factory.mktemp("stems") / "stems.csv", known) for known in (trees, [*trees, UNSEEN])]
+
+
+def test_a_tree_that_no_camera_has_seen_changes_no_belief_plan_or_message(flown):
+    (_, one), (_, other) = flown
+    assert len(other.trees) == len(one.trees) + 1
+    for name in (
+        "maps",
+        "map_sizes",
+        "map_trees",
+        "map_unknown",
+        "track_means",
+        "track_covariances",
+        "plans",
+        "bytes_sent",
+    ):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def test_uavs_begin_without_trees_and_find_those_that_they_fly_over(flown):
+    mission, recording = flown[0]
+    last = len(recording.times) - 1
+    assert all(recording.believed_at(0, uav).trees == () for uav in range(3))
+    found = [tree for uav in range(3) for tree in recording.believed_at(last, uav).trees]
+    assert len(found) >= 3
+    for tree in found:
+        nearest = min(mission.forest.trees, key=lambda true: np.hypot(true.x - tree.x, true.y - tree.y))
+        assert np.hypot(nearest.x - tree.x, nearest.y - tree.y) < 1.5
+    assert len({recording.maps[last, uav] for uav in range(3)}) == 3  # each has a map of its own
+
+
+def test_ground_that_is_not_yet_seen_may_have_trees_and_open_ground_has_none(flown):
+    mission, _ = flown[0]
+    person = np.array([[60.0, -36.0, 0.85]])
+    for uav, start in enumerate(mission.scenario.uavs):
+        believed, lens = mission.beliefs.believed(uav), start.true_camera.lens(Pose.level(60.0, -40.0, 18.0))
+        assert 0.3 < np.mean(believed.unknown.values > 0.0) < 0.99
+        assert 0.3 < believed.detectabilities(lens, person)[0] < 0.95
+        assert value_at(believed.unknown, *start.start) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "line"),
+    [
+        (["mapping.forest=mapped", "sensing.mode=ideal"], 'mapping.forest: "mapped" needs images'),
+        (["mapping.forest=none", "believed.tree_shift=1"], 'allowed with mapping.forest "known" only'),
+        (["mapping.forest=maped"], "mapping.forest"),
+    ],
+)
+def test_maps_that_cannot_be_made_are_refused_in_one_line(overrides, line):
+    with pytest.raises(InputError) as error:
+        load_scenario("forest", overrides)
+    assert line in str(error.value) and "\n" not in str(error.value)
