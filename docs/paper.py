@@ -80,7 +80,7 @@ def write(found: Estimate, signed: bool) -> str:
 
 
 def write_seconds(cells: Cells) -> str:
-    """Processor time of all decisions of a trial [s], beside it the ratio to SMA-NBO here and in the paper's Table I."""
+    """Processor time of the decisions of a trial [s], and its ratio to SMA-NBO, here and in the paper's Table I."""
     lines = [["λ", "H", *PLANNERS.values()], ["---"] * (2 + len(PLANNERS))]
     places = [(density, horizon) for density in DENSITIES for horizon in HORIZONS]
     for k, (density, horizon) in enumerate(places):
@@ -108,11 +108,9 @@ def write_overall(cells: Cells) -> str:
     texts = []
     for planner in list(PLANNERS)[1:]:
         places = [place for place in cells if place[2] == planner]
-        seeds = set.intersection(*(set(cells[place]) & set(cells[*place[:2], "sma-nbo"]) for place in places))
-        gaps = [
-            [np.mean([late(cells[place][seed]) - late(cells[*place[:2], "sma-nbo"][seed]) for place in places])]
-            for seed in sorted(seeds)
-        ]
+        pairs = [(cells[place], cells[place[0], place[1], "sma-nbo"]) for place in places]
+        seeds = set.intersection(*(own.keys() & base.keys() for own, base in pairs))
+        gaps = [[np.mean([late(own[seed]) - late(base[seed]) for own, base in pairs])] for seed in sorted(seeds)]
         texts.append(f"{PLANNERS[planner]} {write(estimate_means(np.array(gaps), [1.0])[0], signed=True)}")
     return ", ".join(texts)
 
@@ -156,7 +154,8 @@ def draw_horizons(by_radius: dict[str, Cells]) -> Figure:
 
 def draw_rivals(cells: Cells) -> Figure:
     """Figure 5 of [Li22]: distributions of OSPA, a row a density, a column a horizon, a line a planner."""
-    figure, axes = open_grid(len(DENSITIES), [f"H = {horizon}" for horizon in HORIZONS], [f"λ = {d}" for d in DENSITIES])
+    columns, names = [f"H = {horizon}" for horizon in HORIZONS], [f"λ = {density}" for density in DENSITIES]
+    figure, axes = open_grid(len(names), columns, names)
     for panels, density in zip(axes, DENSITIES, strict=True):
         for panel, horizon in zip(panels, HORIZONS, strict=True):
             for (planner, name), colour in zip(PLANNERS.items(), COLOURS, strict=True):
