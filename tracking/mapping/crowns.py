@@ -342,7 +342,7 @@ def _find_filled(e: Evidence, top: float, least: float, x: float, y: float, radi
     for i in range(low[0], far[0] + 1):
         for j in range(low[1], far[1] + 1):
             east, north = (j + 0.5) * e.cell + e.corner[0], (i + 0.5) * e.cell + e.corner[1]
-            if (east - x) ** 2 + (north - y) ** 2 <= 0.9 * radius * radius:
+            if (east - x) * (east - x) + (north - y) * (north - y) <= 0.9 * radius * radius:
                 level = _level_at(e, top, east, north)
                 known += int(not math.isnan(level))
                 high += int(level > least)

@@ -144,13 +144,15 @@ class ParallaxMapper:
         east = e.corner[0] + (np.arange(columns) + 0.5) * e.cell
         north = e.corner[1] + (np.arange(rows) + 0.5) * e.cell
         for tree in trees:
-            inside = (east - tree.x) ** 2 + (north[:, None] - tree.y) ** 2 <= tree.canopy_radius**2
+            inside = (
+                np.square(east - tree.x) + np.square(north[:, None] - tree.y) <= tree.canopy_radius * tree.canopy_radius
+            )
             states[inside] = COVERED
         return SeenGround(e.corner, e.cell, states)
 
 
 def _distance(one: Array, other: Array) -> float:
-    return math.sqrt(sum((a - b) * (a - b) for a, b in zip(one.tolist(), other.tolist(), strict=True)))
+    return math.sqrt(math.fsum((a - b) * (a - b) for a, b in zip(one.tolist(), other.tolist(), strict=True)))
 
 
 def _find_reach(frame: Frame, view: View) -> tuple[Array, Array]:
@@ -202,8 +204,8 @@ def _learn_radii(crowns: list[Crown]) -> tuple[float, float]:
     radii = [crown.radius for crown in crowns if crown.rim >= _WHOLE]
     if not radii:
         return _WIDE
-    mean = sum(radii) / len(radii)
-    return mean, (1.0 + sum((radius - mean) ** 2 for radius in radii)) / (len(radii) + 1)
+    mean = math.fsum(radii) / len(radii)
+    return mean, (1.0 + math.fsum((radius - mean) * (radius - mean) for radius in radii)) / (len(radii) + 1)
 
 
 def _is_within(crown: Crown, low: Array, high: Array) -> bool:

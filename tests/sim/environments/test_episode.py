@@ -6,7 +6,6 @@ from helpers.clients import open_clients
 from helpers.flights import fly
 
 from sim.environments.episode import Episode
-from sim.mission.mission import Mission
 from sim.scenario.loading import load_scenario
 from sim.views.drawing.film import Film, lay_out_parts
 
@@ -15,7 +14,7 @@ def test_an_episode_closes_its_world_if_its_first_scan_fails(monkeypatch):
     def failing(self):
         raise MemoryError
 
-    monkeypatch.setattr(Mission, "team", property(failing))
+    monkeypatch.setattr(Episode, "_keep_frames", failing)
     before = open_clients()
     with pytest.raises(MemoryError):
         Episode(load_scenario("forest", ["duration=2", "sensing.mode=ideal"]), 0, 0)
