@@ -13,6 +13,7 @@ from msgspec import structs
 
 from sim.facts.tracking_replay import replay_tracking
 from sim.scenario.scenario import encode_scenario
+from tracking.account import ScanAccount
 
 CASES = {
     "late scans, a queue, one that breaks down": (
