@@ -99,9 +99,8 @@ def take_scans(
     """Associate the scans of N UAVs with their tracks, predicted to their time, and update the tracks.
 
     partitions (N, 2): number of each UAV and of its leader; levels: time of the scans [s], and probability from which
-    on a person counts as detected. Returns where the pairs of each UAV start (N + 1,) in
-    `gates` and `weights` of the update, whose numbers are those of all rows and measurements, and what each UAV tells
-    with the fusion rule `HybridConsensus`.
+    on a person counts as detected. Returns where the pairs of each UAV start (N + 1,) in `gates` and `weights` of the
+    update, whose numbers are those of all rows and measurements, and what UAVs tell with the rule `HybridConsensus`.
     """
     beliefs = Beliefs(table.means, table.covariances)
     before, measured = _predict_views(starts, table, beliefs, views, found, levels[0], settings)
@@ -111,10 +110,9 @@ def take_scans(
     for n in range(len(partitions)):
         for t in range(starts[n], starts[n + 1]):
             owners[0, t], owners[1, t] = partitions[n, 0], partitions[n, 1]
-    spread, detected = (after.means, after.covariances, table.weights), np.nonzero(1.0 - after.missed >= SEEN)[0]
-    local = LocalBeliefs(
-        partitions[:, 0].max(), spread[0], spread[1], spread[2], beliefs, found.places, after.gates, detected
-    )
+    last, detected = partitions[:, 0].max(), np.nonzero(1.0 - after.missed >= SEEN)[0]
+    spread = after.means, after.covariances, table.weights
+    local = LocalBeliefs(last, spread[0], spread[1], spread[2], beliefs, found.places, after.gates, detected)
     averaged, novel, weights = contribute(local, owners[0])
     keys, shares = weigh(owners[1], table.ids, weights, averaged, after.existence)
     return before, after, pairs, Told(keys, shares, novel)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence, Sized
 from copy import copy
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import accumulate
 
 import numpy as np
@@ -28,7 +28,7 @@ from tracking.measurement_update import ScanPrediction, ScanUpdate
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.exponential import power
 from tracking.numerics.matrices import apply
-from tracking.parameters import SEEN, TrackerParameters
+from tracking.parameters import SEEN, AssociationSettings, LossRule, ScanSettings, TrackerParameters
 from tracking.registration.registration import make_registration
 from tracking.track import (
     DETECTED_AT,
@@ -82,9 +82,6 @@ class Tracker:
         self.motion = parameters.motion  # as learned from the speeds of people that the fleet detected
         self.account = ScanAccount()  # of the last scan
         self._messenger = Messenger(uav, parameters)
-        # What trackers that work together have in common.
-        adds_up = type(self._messenger.rule) is HybridConsensus
-        self._shared = parameters.scan, parameters.association, parameters.loss, adds_up
         pose_errors = parameters.settings.pose_errors
         self._registration = make_registration(parameters.navigation, pose_errors, known=bool(known))
         self._first = 0.0  # time of the first scan [s]
@@ -104,6 +101,12 @@ class Tracker:
         made._messenger, made._registration = copy(self._messenger), copy(self._registration)
         made._table = replace(self._table, sightings=self._table.sightings.copy())
         return made
+
+    @cached_property
+    def _shared(self) -> tuple[ScanSettings, AssociationSettings, LossRule, bool]:
+        """What trackers that work together have in common."""
+        p, adds_up = self.parameters, type(self._messenger.rule) is HybridConsensus
+        return p.scan, p.association, p.loss, adds_up
 
     @property
     def tracks(self) -> tuple[Track, ...]:

@@ -13,6 +13,7 @@ from msgspec import structs
 
 from sim.facts.tracking_replay import replay_tracking
 from sim.scenario.scenario import encode_scenario
+from tracking.account import ScanAccount
 
 CASES = {
     "late scans, a queue, one that breaks down": (
@@ -43,7 +44,8 @@ def told(value):
     if isinstance(value, np.ndarray):
         return value.dtype.str, value.shape, value.tobytes()
     if dataclasses.is_dataclass(value):
-        return [told(getattr(value, field.name)) for field in dataclasses.fields(value)]
+        names = [field.name for field in dataclasses.fields(value) if field.name != "find_association"]
+        return [told(getattr(value, name)) for name in names + ["association"] * isinstance(value, ScanAccount)]
     return [told(part) for part in value] if isinstance(value, list | tuple) else value
 
 
