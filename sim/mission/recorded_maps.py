@@ -13,18 +13,26 @@ from tracking.numerics.arrays import Array
 
 def encode_maps(forests: Sequence[Forest], uavs: int) -> dict[str, Any]:
     """The fields `MAPS` of a recording, from what UAVs believed, scan by scan; none if all believed one given map."""
-    numbers = {forest: n for n, forest in enumerate(dict.fromkeys(forests))}
-    rasters = [forest.unknown for forest in numbers if isinstance(forest.unknown, Raster)]
-    if len(numbers) == 1 and not rasters:
+    contents = {forest: _find_content(forest) for forest in dict.fromkeys(forests)}
+    distinct = dict(zip(contents.values(), contents, strict=True))  # copies of a mission have copies of its map
+    rasters = [forest.unknown for forest in distinct.values() if isinstance(forest.unknown, Raster)]
+    if len(distinct) == 1 and not rasters:
         return {}
-    tables = [_list_trees(forest) for forest in numbers]
+    numbers = {content: n for n, content in enumerate(distinct)}
+    tables = [_list_trees(forest) for forest in distinct.values()]
     shape = rasters[0].values.shape if rasters else (1, 1)
     return {
-        "maps": np.array([numbers[forest] for forest in forests], dtype=np.int64).reshape(-1, uavs),
+        "maps": np.array([numbers[contents[forest]] for forest in forests], dtype=np.int64).reshape(-1, uavs),
         "map_sizes": np.array([len(table) for table in tables], dtype=np.int64),
         "map_trees": np.concatenate(tables),
-        "map_unknown": np.stack([_find_values(forest, shape) for forest in numbers]),
+        "map_unknown": np.stack([_find_values(forest, shape) for forest in distinct.values()]),
     }
+
+
+def _find_content(forest: Forest) -> tuple[Any, ...]:
+    """What two equal maps have in common."""
+    unknown = forest.unknown.values.tobytes() if isinstance(forest.unknown, Raster) else forest.unknown
+    return forest.trees, forest.occlusion, forest.deviation, forest.unknown_tree, unknown
 
 
 def _list_trees(forest: Forest) -> Array:

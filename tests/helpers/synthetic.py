@@ -61,7 +61,7 @@ def _snapshot(setting, trees, k, rng, doubt):
     scans, pixels = [], []
     for i, (lens, pose) in enumerate(zip(lenses, cameras, strict=True)):
         ground = people[seen[i]] + rng.normal(0, 0.3, (int(seen[i].sum()), 2))
-        scans.append(Scan(i, time, pose, ground, np.tile(np.eye(2) * 0.1, (len(ground), 1, 1))))
+        scans.append(Scan(i, time, pose, ground, np.tile(np.eye(2) * 0.1, (len(ground), 1, 1)), trees))
         shown = lens.project(pose, points[seen[i]])[0] if setting.sensing.mode == "camera" else np.zeros((0, 2))
         pixels.append(shown)
     doubt[:] = np.where(seen.any(axis=0), 0.2, doubt + 0.1)

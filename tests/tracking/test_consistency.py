@@ -22,20 +22,17 @@ alone, four people among false alarms had 1.064 ± 0.060 and 1.053 ± 0.052 in p
 person. Seeds 2000 to 2099 were flown once, after that. Lone people are tested by raw means.
 """
 
-from functools import cached_property
-
 import numpy as np
 import pytest
 from helpers.fixedpaths import HIGH, SCANS, TREES, Case, Mission, errors
 from helpers.graphs import graph
-from helpers.information import moment_form
 from scipy.stats import chi2, t
 
 from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.scenario import Scenario
-from tracking.fusion.message import INFORMATION, Message
+from tracking.fusion.message import INFORMATION
+from tracking.fusion.mixing import join_novel
 from tracking.metrics.nees import nees_interval
-from tracking.track import Beliefs
 
 DIMENSIONS = np.array([2, 4])  # of position and of state
 GATES = chi2.ppf(0.9999, DIMENSIONS)
@@ -194,13 +191,13 @@ def test_sums_of_information_before_convergence_are_found_inconsistent(monkeypat
     missions = [Mission(FEW_ROUNDS["all in view, line of 5, 2 rounds"], seed) for seed in range(5)]
     assert not Outcome(missions, "hcmci").too_sure
 
-    def as_if_mixed(message: Message) -> Beliefs:
-        packed = message.shares[:, 1 : 1 + INFORMATION] / message.shares[:, :1]
-        if message.novel.shape[1] > INFORMATION:
-            packed = packed + len(FIVE) * message.novel[:, :INFORMATION]
-        return Beliefs(*moment_form(packed[:, :4], packed[:, 4:].reshape(-1, 4, 4)))
+    def as_if_mixed(messages):
+        """Novel information times the number of UAVs, over a largest share of one."""
+        novel = join_novel(messages).copy()
+        if novel.shape[1] > INFORMATION:
+            novel[:, :INFORMATION] *= len(FIVE)
+            novel[:, INFORMATION:] = 1.0
+        return novel
 
-    mutant = cached_property(as_if_mixed)
-    mutant.__set_name__(Message, "beliefs")
-    monkeypatch.setattr(Message, "beliefs", mutant)
+    monkeypatch.setattr("tracking.tracker.join_novel", as_if_mixed)
     assert Outcome(missions, "hcmci").too_sure
