@@ -43,7 +43,7 @@ from tracking.track import (
 )
 
 SHARED_WITHIN = 1.0  # s since the last detection of each of two tracks that share one person
-NO_FRAME = (-np.inf,) * 8  # in `Views.frames`
+NO_FRAME: tuple[float, ...] = (-np.inf,) * 8  # in `Views.frames`
 _VIEWED = 1e-4  # weight of a belief in view without a detection, which matters only if no UAV detected the person
 
 

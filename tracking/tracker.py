@@ -90,7 +90,7 @@ class Tracker:
         self._first = 0.0  # time of the first scan [s]
         self._steps = 0.0  # of motion since then
         self._optics = camera.optics.numbers
-        self._last_frame: tuple[float, ...] = NO_FRAME
+        self._last_frame = NO_FRAME
         self._frames = self._last_frame, self._last_frame  # of this scan and before
         self._table = make_table(known, UNSEEN, -math.inf)
         self._tracks: tuple[Track, ...] | None = None  # of the table, once somebody has asked for them
