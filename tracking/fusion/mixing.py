@@ -65,9 +65,12 @@ def _stack_novel(messages: Sequence[Message], novel: Array) -> None:
 def join_novel(messages: Sequence[Message]) -> Array:
     """Novel information of messages, one after the other, with the columns of the message that has most of them."""
     width = max([m.novel.shape[1] for m in messages])
-    if any(m.novel.shape[1] < width for m in messages):
-        return np.concatenate([np.pad(m.novel, ((0, 0), (0, width - m.novel.shape[1]))) for m in messages])
-    return np.concatenate([m.novel for m in messages])
+    joint, first = np.zeros((sum([len(m.ids) for m in messages]), width)), 0
+    for m in messages:
+        last = first + len(m.ids)
+        joint[first:last, : m.novel.shape[1]] = m.novel
+        first = last
+    return joint
 
 
 @compiled
