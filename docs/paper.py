@@ -73,8 +73,10 @@ def write_shares(cells: Cells) -> str:
 
 
 def write(found: Estimate, signed: bool) -> str:
-    """An estimate of a share in %, with its interval."""
+    """An estimate of a share in %, with its interval, which too few maps or too many ties do not tell."""
     sign = "+" if signed else ""
+    if np.isnan(found.low):
+        return f"{100 * found.value:{sign}.1f}"
     low, high = (f"{100 * end:{sign}.1f}" for end in (found.low, found.high))
     return f"{100 * found.value:{sign}.1f} [{low}, {high}]"
 
@@ -96,11 +98,12 @@ def write_seconds(cells: Cells) -> str:
 
 
 def compute_seconds(cells: Cells, density: str, horizon: str, planner: str) -> float:
-    """Mean processor time of the decisions of a trial [s]; 0 if none was flown."""
-    rows = cells.get((density, horizon, planner), {}).values()
-    decisions = [len(row.times) // 5 for row in rows]
-    spent = [row.metrics["planning_cpu_s_per_decision"] for row in rows]
-    return float(np.mean(np.multiply(decisions, spent))) if rows else 0.0
+    """Mean processor time of the decisions of a trial [s], over maps that all planners flew; 0 if none was flown."""
+    flown = {name: cells[density, horizon, name] for name in PLANNERS if (density, horizon, name) in cells}
+    if planner not in flown:
+        return 0.0
+    rows = [flown[planner][seed] for seed in sorted(set.intersection(*map(set, flown.values())))]
+    return float(np.mean([len(row.times) // 5 * row.metrics["planning_cpu_s_per_decision"] for row in rows]))
 
 
 def write_overall(cells: Cells) -> str:
@@ -194,8 +197,8 @@ def main(large: str = "runs/paper-r5", small: str = "runs/paper-r1", switched: s
     """Print the tables and draw the figures, from the folders of the studies with R = 5 m, R = 1 m and assumptions."""
     by_radius = {"R = 1 m": list_cells(read_rows(small)), "R = 5 m": list_cells(read_rows(large))}
     for name, cells in by_radius.items():
-        maps = min(len(rows) for rows in cells.values())
-        print(f"{name}, {maps} maps\n\n{write_shares(cells)}\n\n{write_overall(cells)}\n\n{write_seconds(cells)}\n")
+        maps = {planner: min(len(cells[place]) for place in cells if place[2] == planner) for planner in PLANNERS}
+        print(f"{name}, maps {maps}\n\n{write_shares(cells)}\n\n{write_overall(cells)}\n\n{write_seconds(cells)}\n")
     print(write_assumptions(read_rows(switched)))
     draw_horizons(by_radius).savefig(MEDIA / "paper-horizons.png", dpi=100, metadata={"Software": None})
     draw_rivals(by_radius["R = 5 m"]).savefig(MEDIA / "paper-rivals.png", dpi=100, metadata={"Software": None})

@@ -41,7 +41,7 @@ from tracking.numerics.compiled import code_folder, find_uncompiled, functions, 
 from tracking.testing.stage import make_scan
 from tracking.track import Track
 
-_MANY = 40  # functions, which take longer to compile than processes take to start
+_MANY = 60  # functions, which take longer to compile than processes take to start
 _WORKER = "import sys; sys.path[0] = sys.argv[1]; from sim.mission.compilation import work; work()"
 
 

@@ -86,9 +86,8 @@ def warm_up(renders: bool | None = None) -> None:
     renders: whether the missions to come render frames, if that is known: those that have code on disk then load no
     kernels of the other kind.
     """
-    if is_mostly_uncompiled():
+    if compiles := is_mostly_uncompiled():  # a few, which few missions need, are compiled when called
         compile_in_processes()
-    compiles = bool(find_uncompiled())
     with nullcontext() if compiles else no_collection():  # a compiler leaves much garbage
         if compiles or not renders:
             _fly(Scenario(duration=0.6, trees=_FEW, sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0)))

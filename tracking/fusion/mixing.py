@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -65,11 +66,10 @@ def _stack_novel(messages: Sequence[Message], novel: Array) -> None:
 def join_novel(messages: Sequence[Message]) -> Array:
     """Novel information of messages, one after the other, with the columns of the message that has most of them."""
     width = max([m.novel.shape[1] for m in messages])
-    joint, first = np.zeros((sum([len(m.ids) for m in messages]), width)), 0
-    for m in messages:
-        last = first + len(m.ids)
-        joint[first:last, : m.novel.shape[1]] = m.novel
-        first = last
+    ends = list(accumulate(len(m.ids) for m in messages))
+    joint = np.zeros((ends[-1], width))
+    for m, last in zip(messages, ends, strict=True):
+        joint[last - len(m.ids) : last, : m.novel.shape[1]] = m.novel
     return joint
 
 

@@ -1,0 +1,74 @@
+"""Maps of the forest that UAVs make themselves."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.scenario.scenario import Scenario
+from tracking.detection.detector import Frame
+from tracking.geometry.line_of_sight import Raster
+from tracking.geometry.unseen_ground import expect_unseen_trees
+from tracking.geometry.visibility import Forest, Tree
+from tracking.mapping.mapper import COVERED, OPEN, ParallaxMapper, SeenGround
+
+_PAUSE = 1.0  # s, from one map to the next
+_CELL = 2.0  # m, edge of the cells of ground of which UAVs know whether they have seen them
+_USUAL = Tree(0.0, 0.0, canopy_radius=4.0)  # the size of unknown trees while no tree has been mapped
+
+
+class MappedForests:
+    """Maps that UAVs make while they fly, each from the frames of its own camera. No true tree is known to them.
+
+    Once a second a map is made anew of what was seen. Trees have the deviations of the mapper; where a UAV has not
+    looked yet, there may be trees of the mean size of those that it has mapped.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._area = scenario.area.width, scenario.area.height
+        self._occlusion = scenario.sensing.occlusion
+        self._mappers = [ParallaxMapper() for _ in scenario.uavs]
+        self._forests = [self._make(mapper) for mapper in self._mappers]
+        self._made = [0.0] * len(self._mappers)  # s, time of each map
+
+    def observe(self, frames: Sequence[Frame]) -> None:
+        """Map the trees in the frames of one scan."""
+        for frame in frames:
+            mapper = self._mappers[frame.uav]
+            mapper.add(frame)
+            if frame.time > self._made[frame.uav] + 0.999 * _PAUSE:
+                self._made[frame.uav], self._forests[frame.uav] = frame.time, self._make(mapper)
+
+    def believed(self, uav: int) -> Forest:
+        """The map of a UAV."""
+        return self._forests[uav]
+
+    def _make(self, mapper: ParallaxMapper) -> Forest:
+        mapped = mapper.trees()
+        trees = tuple(found.tree for found in mapped)
+        deviations = tuple(math.sqrt(0.5 * float(np.trace(found.covariance[:2, :2]))) for found in mapped)
+        sizes = np.array([(tree.canopy_radius, tree.canopy_base, tree.canopy_top) for tree in trees])
+        usual = Tree(0.0, 0.0, *sizes.mean(axis=0).tolist()) if trees else _USUAL
+        unseen = expect_unseen_trees(_lay_over(self._area, mapper.ground()), usual.canopy_radius)
+        return Forest(trees, self._occlusion, deviations or 0.0, unseen, usual)
+
+
+def _lay_over(area: tuple[float, float], ground: SeenGround) -> Raster:
+    """Ground as of `find_gap_fraction`, in cells over an area of width and height [m]."""
+    width, height = area
+    raster = Raster.over(area, np.full((math.ceil(height / _CELL), math.ceil(width / _CELL)), math.nan))
+    places = [
+        low + side * (0.5 + np.arange(n))
+        for low, side, n in zip(raster.low, raster.cell, raster.values.T.shape, strict=True)
+    ]
+    rows, columns = (
+        np.floor((at - low) / ground.cell).astype(np.int64)
+        for at, low in zip(places[::-1], ground.corner[::-1], strict=True)
+    )
+    inside_rows, inside_columns = (
+        (0 <= at) & (at < n) for at, n in zip((rows, columns), ground.states.shape, strict=True)
+    )
+    states = ground.states[np.ix_(rows[inside_rows], columns[inside_columns])]
+    values = np.where(states == OPEN, 1.0, np.where(states == COVERED, 0.0, math.nan))
+    raster.values[np.ix_(inside_rows, inside_columns)] = values
+    return raster
