@@ -194,14 +194,21 @@ def close(figure: Figure, axes: Array) -> Figure:
 
 
 def main(large: str = "runs/paper-r5", small: str = "runs/paper-r1", switched: str = "runs/paper-assumptions") -> None:
-    """Print the tables and draw the figures, from the folders of the studies with R = 5 m, R = 1 m and assumptions."""
-    by_radius = {"R = 1 m": list_cells(read_rows(small)), "R = 5 m": list_cells(read_rows(large))}
+    """Print the tables and draw the figures of those folders that there are: R = 5 m, R = 1 m and assumptions."""
+    by_radius = {
+        name: list_cells(read_rows(folder))
+        for name, folder in (("R = 1 m", small), ("R = 5 m", large))
+        if Path(folder).is_dir()
+    }
     for name, cells in by_radius.items():
         maps = {planner: min(len(cells[place]) for place in cells if place[2] == planner) for planner in PLANNERS}
         print(f"{name}, maps {maps}\n\n{write_shares(cells)}\n\n{write_overall(cells)}\n\n{write_seconds(cells)}\n")
-    print(write_assumptions(read_rows(switched)))
-    draw_horizons(by_radius).savefig(MEDIA / "paper-horizons.png", dpi=100, metadata={"Software": None})
-    draw_rivals(by_radius["R = 5 m"]).savefig(MEDIA / "paper-rivals.png", dpi=100, metadata={"Software": None})
+    if by_radius:
+        draw_horizons(by_radius).savefig(MEDIA / "paper-horizons.png", dpi=100, metadata={"Software": None})
+    if "R = 5 m" in by_radius:
+        draw_rivals(by_radius["R = 5 m"]).savefig(MEDIA / "paper-rivals.png", dpi=100, metadata={"Software": None})
+    if Path(switched).is_dir():
+        print(write_assumptions(read_rows(switched)))
 
 
 if __name__ == "__main__":
