@@ -20,7 +20,6 @@ from tracking.geometry.visibility import SAMPLES, Occluders, see_samples
 from tracking.management.deletion import count_misses, find_outcompeted, find_rivals
 from tracking.management.reacquisition import turned_density
 from tracking.measurement_update import (
-    AT_ONCE,
     Measured,
     ScanPrediction,
     ScanUpdate,
@@ -141,7 +140,7 @@ def _update(
             continue
         of = slice(low, found.starts[n + 1])
         own = Measured(measured.places[of], measured.covariances[of], measured.shares[of], measured.lost[of])
-        part = update_scan(select_tracks(before, slice(first, starts[n + 1])), own, settings, AT_ONCE)
+        part = update_scan(select_tracks(before, slice(first, starts[n + 1])), own, settings)
         for t in range(len(part.means)):
             for a in range(4):
                 means[first + t, a] = part.means[t, a]

@@ -16,7 +16,6 @@ from tracking.numerics.stacks import row_sums
 from tracking.parameters import AssociationSettings, ScanSettings
 from tracking.track import Beliefs
 
-AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating batches save time
 # Probability that two people in one place give one measurement, and the distance [m] over which it falls.
 _UNRESOLVED, _RESOLUTION = 0.12, 1.0
 
@@ -105,14 +104,14 @@ def select_tracks(before: ScanPrediction, rows: Indices | slice) -> ScanPredicti
 
 
 @compiled
-def update_scan(before: ScanPrediction, found: Measured, settings: AssociationSettings, at_once: int) -> ScanUpdate:
+def update_scan(before: ScanPrediction, found: Measured, settings: AssociationSettings) -> ScanUpdate:
     """Associate a scan's measurements with tracks, and update the tracks.
 
-    Scenes of more than `at_once` pairs of tracks and measurements are updated by independent gating batches. The result
-    is the same, up to the rounding of existence.
+    Scenes of more pairs of tracks and measurements than `settings.at_once` are updated by independent gating batches.
+    The result is the same, up to the rounding of existence.
     """
     count = len(before.means)
-    if count * len(found.places) <= at_once:
+    if count * len(found.places) <= settings.at_once:
         return _update_beliefs(before, found, settings)
     means, covariances, existence, missed = (
         np.empty((count, 4)),
@@ -129,7 +128,10 @@ def update_scan(before: ScanPrediction, found: Measured, settings: AssociationSe
         part = _update_beliefs(select_tracks(before, rows), near, settings)
         for i in range(len(rows)):
             t = rows[i]
-            means[t], covariances[t] = part.means[i], part.covariances[i]
+            for a in range(4):
+                means[t, a] = part.means[i, a]
+                for b in range(4):
+                    covariances[t, a, b] = part.covariances[i, a, b]
             existence[t], missed[t] = part.existence[i], part.missed[i]
         for j in range(len(columns)):
             explained[columns[j]] = part.explained[j]

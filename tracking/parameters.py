@@ -83,6 +83,7 @@ class AssociationSettings(NamedTuple):
     gate_probability: float
     clutter_density: float  # 1/m²
     detection_probability: float
+    at_once: int = 10_000  # pairs of tracks and measurements beyond which gating batches save time
 
 
 class ScanSettings(NamedTuple):

@@ -51,8 +51,8 @@ def _find_groups(paths: Array, reach: float) -> tuple[Indices, Indices]:
     n, steps, _ = paths.shape
     groups, sizes = np.empty((steps, n), np.int64), np.zeros((steps, n), np.int64)
     for h in range(steps):
-        groups[h] = np.arange(n)
         for one in range(n):
+            groups[h, one] = one
             for other in range(one):
                 low, high = min(groups[h, one], groups[h, other]), max(groups[h, one], groups[h, other])
                 if low < high and _are_linked(paths[one, h], paths[other, h], reach):
@@ -80,11 +80,13 @@ def _count_unreached(candidates: Array, now: Array, step: float, others: _Others
     k, n, found = len(now), len(others.paths), np.zeros(len(candidates))
     places, boxes = np.empty((k, len(candidates), 3)), np.empty((k, 4))
     for j in range(k):
-        places[j] = now[j]
+        for c in range(len(candidates)):
+            places[j, c, 0], places[j, c, 1], places[j, c, 2] = now[j, 0], now[j, 1], now[j, 2]
     order, joined = np.empty(k, np.int64), np.empty(n, np.bool_)
     for h in range(others.paths.shape[1]):
         for j in range(k):
-            boxes[j] = _move(places[j], candidates[:, j, h], step)
+            box = _move(places[j], candidates[:, j, h], step)
+            boxes[j, 0], boxes[j, 1], boxes[j, 2], boxes[j, 3] = box
         if k == 1:
             _add_unreached(found, places[0], boxes[0], others, h, reach)
             continue

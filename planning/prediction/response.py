@@ -34,7 +34,8 @@ def _respond(velocities: Array, limits: Array, step: float) -> Response:
     found = Response(velocities, np.zeros(len(limits)), np.zeros(len(limits)))
     for k in range(len(limits)):
         # `Search` relies on the limit, which a quadrotor exceeds a little in gusts and turns.
-        velocities[k] *= min(1.0, limits[k, 0] / max(hypot(velocities[k, 0], velocities[k, 1]), 1e-12))
+        share = min(1.0, limits[k, 0] / max(hypot(velocities[k, 0], velocities[k, 1]), 1e-12))
+        velocities[k, 0], velocities[k, 1] = share * velocities[k, 0], share * velocities[k, 1]
         if limits[k, 1] > 0.0:
             steps = step / limits[k, 1]
             left = exp(-steps)

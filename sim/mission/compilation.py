@@ -15,13 +15,7 @@ import numpy as np
 from numba.core import event
 
 from planning.catalogue import DEFAULT_PLANNER
-from planning.composed import Composed
-from planning.objective.nbo import Measure, make_objective
-from planning.planner import Situation
 from planning.planner_loading import load_planner
-from planning.prediction.predicted_belief import PredictedBelief
-from planning.prediction.response import mean_velocities, response
-from planning.prediction.targets_in_reach import find_targets_in_reach
 from planning.testing.made_up_teams import make_flying_team
 from sim.installation import ROOT
 from sim.mission.tracker_fleet import make_trackers
@@ -34,8 +28,7 @@ from sim.sensing.detector_check import stage_frames
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.filter.kalman import Gaussian
-from tracking.fusion.consensus import fuse
-from tracking.fusion.member import Member
+from tracking.fusion.consensus import step
 from tracking.geometry.camera import Pose
 from tracking.numerics.compiled import code_folder, find_uncompiled, functions, take_code
 from tracking.testing.stage import make_scan
@@ -122,54 +115,18 @@ def work() -> None:
             PARTS[number[0]]()
 
 
-def _evaluate_plans() -> None:
-    """The objective of the default planner, except the search."""
-    situation, planner, belief = _predict()
-    velocities = np.zeros((len(situation.vehicles), planner.horizon, 2))
-    make_objective(belief, velocities, [0], planner.beta, 1, Measure(False, float(planner.cutoff)))(
-        velocities[None, :1]
-    )
+def _plan() -> None:
+    """Plans of the default planner for a team that knows plans of two, with a radio range."""
+    team = [replace(s, motion=make_planned_motion(Scenario()), radio_range=50.0) for s in make_flying_team()]
+    load_planner(DEFAULT_PLANNER).plan(team, np.random.default_rng(0))
 
 
-def _search_plans() -> None:
-    """The search for undetected people, and the optimiser."""
-    situation, planner, belief = _predict()
-    starts, speeds = np.zeros((2, 1, planner.horizon, 2)), np.array([situation.own.max_speed])
-    for term in planner.terms:
-        if value := term.objective(situation, np.zeros((len(situation.vehicles), planner.horizon, 2)), [0]):
-            value(starts)
-    own = response(situation.vehicles[:1], situation.step)
-    mean_velocities(own, starts)
-    in_reach = find_targets_in_reach(belief, [0], speeds, own)
-    rng = np.random.default_rng(0)
-    planner.minimiser.minimise(lambda plans, ease=None: np.zeros(len(plans)), starts, speeds, rng, in_reach)
-
-
-def _predict() -> tuple[Situation, Composed, PredictedBelief]:
-    """A situation, the default planner and what it predicts."""
-    planner = load_planner(DEFAULT_PLANNER)
-    assert isinstance(planner, Composed)
-    situation = replace(make_flying_team()[0], motion=make_planned_motion(Scenario()))
-    return situation, planner, planner.propagator.predict(situation, planner.horizon, np.random.default_rng(0))
-
-
-def _associate() -> None:
-    """A tracker's update with a scan."""
-    for tracker in _make_trackers():
+def _track() -> None:
+    """Scans of a known and of an unknown person, and their tracks' fusion."""
+    trackers = make_trackers(Scenario(), [Track(0, Gaussian(np.zeros(4), np.eye(4)))])
+    for k in range(2):
         z = np.array([(0.5, 0.0), (6.0, 6.0)])
-        tracker.step(make_scan(tracker.uav, 0.0, Pose.level(0.0, 0.0, 20.0), z))
-
-
-def _fuse() -> None:
-    """The fusion of trackers without scans."""
-    trackers = _make_trackers()
-    for tracker in trackers:
-        tracker.coast(0.0)
-    fuse(trackers, ~np.eye(len(trackers), dtype=np.bool_), 2)
-
-
-def _make_trackers() -> list[Member]:
-    return make_trackers(Scenario(), [Track(0, Gaussian(np.zeros(4), np.eye(4)))])
+        step(trackers, [make_scan(t.uav, 0.2 * k, Pose.level(0.0, 0.0, 20.0), z) for t in trackers])
 
 
 def _detect() -> None:
@@ -187,4 +144,4 @@ def _move() -> None:
 
 
 # The longest first, so that all processes end at about the same time.
-PARTS = (_evaluate_plans, _associate, _detect, _fuse, _search_plans, _move)
+PARTS = (_track, _plan, _detect, _move)

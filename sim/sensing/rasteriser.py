@@ -159,7 +159,8 @@ def _draw(canvas: Canvas, brush: Brush, corners: Floats, place: Array, stage: St
             cut = _cut(clip)
             for n in range(1, len(cut) - 1):
                 part = np.empty((3, 4), _F)
-                part[0], part[1], part[2] = cut[0], cut[n], cut[n + 1]
+                for i in range(4):
+                    part[0, i], part[1, i], part[2, i] = cut[0, i], cut[n, i], cut[n + 1, i]
                 _fill(canvas, brush, part, clip, True, face, stage)
 
 
@@ -183,7 +184,8 @@ def _turn(corners: Floats, whole: Floats, turned: Floats, clip: Floats, face: Fl
         c = corners[k]
         for i in range(4):
             clip[k, i] = _apply(whole, i, c[0], c[1], c[2], _ONE)
-        face[k] = c
+        for i in range(8):
+            face[k, i] = c[i]
         for i in range(3):
             face[k, 3 + i] = _apply(turned, i, c[3], c[4], c[5], _ZERO)
         behind += clip[k, 3] < _ZERO

@@ -64,10 +64,15 @@ def make_clearing(lens: Lens, pixel: Pair) -> Clearing:
     u, v = pixel
     width, height = float(optics.width), float(optics.height)
     # A lens bends the edges; near the place they are straight. So is all else within the size of a person.
-    edges[0] = _trace(body, linear_pixel(optics, 0.0, v)[0], 0.0, 1.0)
-    edges[1] = _trace(body, linear_pixel(optics, width, v)[0], width, -1.0)
-    edges[2] = _trace(body, linear_pixel(optics, u, 0.0)[1], 0.0, 1.0)
-    edges[3] = _trace(body, linear_pixel(optics, u, height)[1], height, -1.0)
+    sides = (
+        _trace(body, linear_pixel(optics, 0.0, v)[0], 0.0, 1.0),
+        _trace(body, linear_pixel(optics, width, v)[0], width, -1.0),
+        _trace(body, linear_pixel(optics, u, 0.0)[1], 0.0, 1.0),
+        _trace(body, linear_pixel(optics, u, height)[1], height, -1.0),
+    )
+    for k in range(4):
+        for a in range(3):
+            edges[k, a] = sides[k][a]
     columns, rows = linear_pixel(optics, u, v)
     across, down, depth = _trace(body, columns, 0.0, 1.0), _trace(body, rows, 0.0, 1.0), -body[2, 2]
     a, b = (across[0] / depth + u / depth * body[2, 0]), (across[1] / depth + u / depth * body[2, 1])

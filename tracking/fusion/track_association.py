@@ -177,19 +177,19 @@ def _list_tracks(columns: FleetColumns, messages: Indices, ended: _Ended) -> tup
 @compiled
 def _list_codes(columns: FleetColumns, m: int, ended: _Ended, informed: bool, codes: Indices, rows: Indices) -> int:
     """List the keys of a message's tracks as one number each, ascending, and their rows; returns how many there are."""
-    count, ascending = 0, True
+    count = 0
     for r in range(columns.counts[m]):
         if not informed:
             at = np.searchsorted(ended.ids, columns.ids[m, r])
             gone = at < len(ended.ids) and ended.ids[at] == columns.ids[m, r]
             if gone and columns.times[m, r, DETECTED_AT] < ended.until[at]:
                 continue
-        codes[count], rows[count] = columns.keys[m, r, 0] * _IDS + columns.keys[m, r, 1], r
-        ascending &= count == 0 or codes[count] > codes[count - 1]
+        code, place = columns.keys[m, r, 0] * _IDS + columns.keys[m, r, 1], count
+        while place > 0 and codes[place - 1] > code:  # most of them are in order
+            codes[place], rows[place] = codes[place - 1], rows[place - 1]
+            place -= 1
+        codes[place], rows[place] = code, r
         count += 1
-    if not ascending:
-        order = np.argsort(codes[:count], kind="mergesort")
-        codes[:count], rows[:count] = codes[:count][order], rows[:count][order]
     return count
 
 

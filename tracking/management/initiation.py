@@ -9,7 +9,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.filter.motion import predict_steps
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import Forest, at_target_height, visible_samples
-from tracking.measurement_update import AT_ONCE, Measured, ScanPrediction, ScanUpdate, update_scan
+from tracking.measurement_update import Measured, ScanPrediction, ScanUpdate, update_scan
 from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
@@ -55,7 +55,7 @@ def initiate_tracks(
         return [], []
     shares = forest.detectabilities_through_leaves(lens, at_target_height(z))
     before = _predict(tentative, elapsed, forest, lens, p)
-    after = update_scan(before, Measured(z, R, shares, np.zeros(len(z))), p.association, AT_ONCE)
+    after = update_scan(before, Measured(z, R, shares, np.zeros(len(z))), p.association)
     grown = []
     for t, track in enumerate(tentative):
         j = _find_likeliest(after, t)

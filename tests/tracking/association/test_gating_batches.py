@@ -6,7 +6,7 @@ from helpers.scenes import MOTION, R
 
 from tracking.association.gating_batches import find_gating_batches
 from tracking.association.jpda import gated_likelihood
-from tracking.measurement_update import AT_ONCE, Measured, ScanPrediction, update_scan
+from tracking.measurement_update import Measured, ScanPrediction, update_scan
 from tracking.parameters import TrackerParameters
 from tracking.track import Beliefs
 
@@ -38,9 +38,10 @@ def test_a_scan_in_batches_gives_the_tracks_of_the_whole_scan(side, certain):
     for people in (120, 180):
         before, z, noise = scene(rng, people, side)
         before = before._replace(existence=np.ones(people)) if certain else before
-        assert people * len(z) > AT_ONCE
+        assert people * len(z) > PARAMETERS.association.at_once
         found = Measured(z, noise, SHARES[: len(z)], LOST[: len(z)])
-        batchwise, whole = (update_scan(before, found, PARAMETERS.association, k) for k in (AT_ONCE, people * len(z)))
+        settings = PARAMETERS.association, PARAMETERS.association._replace(at_once=people * len(z))
+        batchwise, whole = (update_scan(before, found, each) for each in settings)
         for name in ("means", "covariances", "existence", "missed", "explained"):
             ours, theirs = getattr(batchwise, name), getattr(whole, name)
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=0.0 if certain else 1e-12, err_msg=name)
@@ -67,7 +68,7 @@ def test_no_measurement_is_in_a_gate_of_another_batch(side):
 def test_a_scan_without_measurements_leaves_what_was_predicted():
     before, _, _ = scene(np.random.default_rng(0), 150, 100.0)
     nothing = Measured(np.zeros((0, 2)), np.zeros((0, 2, 2)), SHARES[:0], LOST[:0])
-    after = update_scan(before, nothing, PARAMETERS.association, AT_ONCE)
+    after = update_scan(before, nothing, PARAMETERS.association)
     np.testing.assert_array_equal(after.means, before.means)
     np.testing.assert_array_equal(after.covariances, before.covariances)
     assert np.all(after.missed == 1.0) and after.gates.shape == (0, 2)
