@@ -139,7 +139,7 @@ def test_a_level_pose_has_the_same_trees_in_line_and_places_in_the_image_up_to_a
     standing = np.array([(*row[:3], *(row[3:5] + slope * row[0])) for row in Forest(tuple(trees)).cylinders])
     for person, free in zip(people, clear, strict=True):
         point = np.array([*person, 0.85 + slope * person[0]])
-        steps = pose.position + np.linspace(0, 1, 4001)[:, None] * (point - pose.position)
+        steps = pose.position + np.linspace(0, 1, 801)[:, None] * (point - pose.position)
         gaps = np.hypot(*(steps[:, None, :2] - standing[:, :2]).transpose(2, 0, 1)) - standing[:, 2]
         beyond = np.maximum(standing[:, 3] - steps[:, 2:], steps[:, 2:] - standing[:, 4])
         nearest = np.maximum(gaps, beyond).min()
