@@ -56,7 +56,7 @@ def _find_groups(paths: Array, reach: float) -> tuple[Indices, Indices]:
             for other in range(one):
                 low, high = min(groups[h, one], groups[h, other]), max(groups[h, one], groups[h, other])
                 if low < high and _are_linked(paths[one, h], paths[other, h], reach):
-                    for m in range(n):
+                    for m in range(one + 1):
                         if groups[h, m] == high:
                             groups[h, m] = low
         for one in range(n):

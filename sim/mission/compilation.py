@@ -44,8 +44,9 @@ def is_mostly_uncompiled() -> bool:
 
 
 def compile_in_processes(done: Callable[[str], None] = lambda name: None) -> None:
-    """Compile the code of a mission on all cores; nothing if there is one core, or no folder for the code.
+    """Compile the code of a mission in a process for each core, at most one for each of `PARTS`.
 
+    Nothing is compiled if there is one core, or no folder for the code.
     done: called with the name of each function that is compiled. If several processes call this at once, one compiles
     and the others wait. What the parts below leave out, or what fails, is compiled when it is first called.
     """
@@ -116,13 +117,13 @@ def work() -> None:
 
 
 def _plan() -> None:
-    """Plans of the default planner for a team that knows plans of two, with a radio range."""
+    """Plans of the default planner for a team of three; for connectivity their radio has a range."""
     team = [replace(s, motion=make_planned_motion(Scenario()), radio_range=50.0) for s in make_flying_team()]
     load_planner(DEFAULT_PLANNER).plan(team, np.random.default_rng(0))
 
 
 def _track() -> None:
-    """Scans of a known and of an unknown person, and their tracks' fusion."""
+    """Two scans of a known and an unknown person, and fusion of the tracks."""
     trackers = make_trackers(Scenario(), [Track(0, Gaussian(np.zeros(4), np.eye(4)))])
     for k in range(2):
         z = np.array([(0.5, 0.0), (6.0, 6.0)])

@@ -12,6 +12,7 @@ from planning.planner import Plan
 from sim.mission.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
+from tracking.geometry.line_of_sight import Raster
 from tracking.geometry.visibility import NO_TREES
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -69,7 +70,10 @@ class Snapshot:
         flown = self.flown and FlownPlans(self.flown.made, _make_plain(self.flown.plans))
         tracks = [tuple(Track(t.id, t.belief, t.existence, t.sighting) for t in held) for held in self.tracks]
         plans = self.plans and _make_plain(self.plans)
-        scans = [replace(scan, forest=NO_TREES) for scan in self.scans]  # forests are large, and seldom change
+        # A map that is given is large and stays; one that a UAV makes is drawn, without what was computed from it.
+        made = [isinstance(scan.forest.unknown, Raster) for scan in self.scans]
+        forests = [replace(s.forest) if own else NO_TREES for s, own in zip(self.scans, made, strict=True)]
+        scans = [replace(scan, forest=forest) for scan, forest in zip(self.scans, forests, strict=True)]
         return replace(self, scans=scans, tracks=tracks, plans=plans, flown=flown, known_ospa=self.ospa)
 
     @property

@@ -26,7 +26,7 @@ from tracking.numerics.compiled import find_uncompiled, functions, not_kept
 from tracking.parameters import Tracking
 from tracking.testing.stage import paint_frame
 
-_BEFORE = "Compiling the numerical code, which takes about a minute"  # on one idle core
+_BEFORE = "Compiling the numerical code, which takes a minute or two"
 _FEW = Trees(density=5.0)
 _LOST = "no folder for it can be written to, so it is compiled anew each time; NUMBA_CACHE_DIR may name one that can"
 

@@ -46,6 +46,7 @@ UNHELD_COLOURS = {name: HOLD_COLOURS[name] for name in ("lost", "not found yet")
 UAV_COLOURS = (BLUE, ORANGE, PURPLE, SKY, VIOLET, BROWN)
 # Lengths [pixel] of dashes and gaps of the lines of each six UAVs, which have the same colours; () is a whole line.
 UAV_DASHES: tuple[tuple[int, ...], ...] = ((), (9, 5), (2, 5), (9, 4, 2, 4), (16, 5, 2, 5))
+UNSEEN, UNSEEN_SHARE = FAINT, 0.25  # of ground that a UAV has not seen yet, and how much of that covers the ground
 BELIEVED = (3, 3)  # dashes of the thin outline of the field of view that a UAV believes it has
 # Darker than most colours of UAVs, so that tracks are recognised on paper, under canopies and in camera tiles.
 TRACK_COLOURS = (VERMILLION, (136, 34, 85), (51, 34, 136), (0, 98, 104), (112, 92, 0))

@@ -33,6 +33,7 @@ from sim.views.palette import (
 )
 from sim.world.contacts import Contact, describe_body
 from tracking.geometry.camera import Camera, Pose, meet_plane
+from tracking.geometry.line_of_sight import Raster
 from tracking.geometry.visibility import Forest, Solid, at_target_height
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import Scan, Track
@@ -149,6 +150,7 @@ class Scene(NamedTuple):
     trails: tuple[Trail, ...]  # of people and of the tracks on the map
     detections: tuple[DetectionMark, ...]  # on the map: those of all UAVs if people are unknown
     owner: int | None  # the first UAV that works, whose tracks are on the map
+    mapped: Forest | None = None  # what the owner believes of the forest, if UAVs map trees themselves
 
     @property
     def tracks(self) -> tuple[TrackMark, ...]:
@@ -199,6 +201,7 @@ class SceneMaker:
         means = {track.number: track.mean for track in shown}
         self._past.append(_Past(snapshot.people, means, snapshot.contacts))
         uavs = tuple(self._mark_uavs(snapshot, working, tracks, before))
+        maps = bool(working) and self._scenario.mapping.forest == "mapped"
         return Scene(
             time=snapshot.time,
             error=snapshot.error,
@@ -209,6 +212,7 @@ class SceneMaker:
             trails=self._list_trails(shown),
             detections=() if self._labelled else tuple(mark for uav in uavs for mark in uav.detections),
             owner=working[0] if working else None,
+            mapped=snapshot.scans[working[0]].forest if maps else None,
         )
 
     def _mark_uavs(
@@ -304,6 +308,19 @@ def outline_mistaken_crowns(forest: Forest, believed: Forest | None) -> list[Arr
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
     mistaken = [tree for tree in (believed.trees if believed else ()) if tree not in true]
     return [np.array([tree.x, tree.y]) + tree.canopy_radius * circle for tree in mistaken]
+
+
+def list_unseen_ground(believed: Forest) -> Array:
+    """Strips of ground (N, 4) m that a UAV has not seen yet: west, south, east and north, whole rows of its raster."""
+    if not isinstance(believed.unknown, Raster):
+        return np.zeros((0, 4))
+    (west, south), (width, height) = believed.unknown.low, believed.unknown.cell
+    unseen = np.pad(believed.unknown.values > 0.0, ((0, 0), (1, 1))).astype(np.int8)
+    rows, first = np.nonzero(np.diff(unseen) == 1)
+    last = np.nonzero(np.diff(unseen) == -1)[1]
+    return np.column_stack(
+        [west + width * first, south + height * rows, west + width * last, south + height * (rows + 1)]
+    )
 
 
 def mark_tracks(held: Sequence[Track], numbers: dict[int, int]) -> tuple[TrackMark, ...]:

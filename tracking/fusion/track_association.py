@@ -185,7 +185,7 @@ def _list_codes(columns: FleetColumns, m: int, ended: _Ended, informed: bool, co
             if gone and columns.times[m, r, DETECTED_AT] < ended.until[at]:
                 continue
         code, place = columns.keys[m, r, 0] * _IDS + columns.keys[m, r, 1], count
-        while place > 0 and codes[place - 1] > code:  # most of them are in order
+        while place > 0 and codes[place - 1] > code:  # most are in order already
             codes[place], rows[place] = codes[place - 1], rows[place - 1]
             place -= 1
         codes[place], rows[place] = code, r

@@ -81,8 +81,16 @@ class Film:
         legend = self._empty[-_LEGEND:, GAP:-GAP]
         owner = first if self._layout.map else None
         tiles = bool(self._layout.tiles)
-        shown = {"tiles": tiles, "labelled": labelled, "believed": scenario.navigation_errs}
-        draw_legend(legend, owner=owner, scale=self._map.scale, forest=forest, believed_forest=believed, **shown)
+        draw_legend(
+            legend,
+            scenario,
+            owner=owner,
+            tiles=tiles,
+            scale=self._map.scale,
+            forest=forest,
+            believed_forest=believed,
+            labelled=labelled,
+        )
 
     @property
     def cameras(self) -> tuple[int, ...]:

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from sim.scenario.scenario import Scenario
 from sim.views.drawing.lettering import TextStyle, measure_width, write
 from sim.views.drawing.marks import draw_cross, draw_detection, draw_person_mark, draw_quadrotor
 from sim.views.drawing.strokes import cut_dashes, draw_disc, draw_line, draw_lines
@@ -17,6 +18,8 @@ from sim.views.palette import (
     INK,
     PANEL,
     TRUNK,
+    UNSEEN,
+    UNSEEN_SHARE,
     mix,
     track_colour,
 )
@@ -34,6 +37,7 @@ _Entry = tuple[Callable[[Image, Array], None], str]
 
 def draw_legend(
     image: Image,
+    scenario: Scenario,
     *,
     owner: str | None,
     tiles: bool,
@@ -41,22 +45,23 @@ def draw_legend(
     forest: Forest,
     believed_forest: Forest | None = None,
     labelled: bool = True,
-    believed: bool = False,
 ) -> None:
     """Fill an RGB strip with the marks that are shown, and a scale bar for the map's `scale` in pixels per metre.
 
     owner: the UAV whose tracks are on the map; None for a film without the map. labelled: False if the map has
-    detections in place of people. believed: True if UAVs' views are not where the UAVs believe.
+    detections in place of people. scenario: says if poses err, and if UAVs map trees.
     """
     entries: list[_Entry] = []
     if owner:
         entries += _list_trees(forest)
         entries += [(_draw_believed_tree, "believed")] * bool(outline_mistaken_crowns(forest, believed_forest))
+        entries += [(_draw_mapped_tree, "mapped, unseen")] * (scenario.mapping.forest == "mapped")
         people = PEOPLE_LOOKS.items() if labelled else ()
         entries += [(partial(draw_person_mark, heading=0.0, look=look), text) for text, look in people]
     entries.append((_draw_track, f"track of {owner}, 95 %" if owner else "track"))
     if owner:
-        entries += [(_draw_believed_uav, "UAV, view, believed") if believed else (_draw_uav, "UAV, view")]
+        errs = scenario.navigation_errs
+        entries += [(_draw_believed_uav, "UAV, view, believed") if errs else (_draw_uav, "UAV, view")]
         entries += [(_draw_intent, "intent")] * labelled
     if tiles or not labelled:
         entries.append((partial(draw_detection, reach=10.0), "detection"))
@@ -97,6 +102,13 @@ def _draw_tree(image: Image, at: Array, *, cover: float) -> None:
 def _draw_believed_tree(image: Image, at: Array) -> None:
     ring = at + 10.0 * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
     draw_lines(image, cut_dashes(ring, BELIEVED), CANOPY_EDGE)
+
+
+def _draw_mapped_tree(image: Image, at: Array) -> None:
+    x, y = np.rint(at).astype(int)
+    image[y - 8 : y + 9, x : x + 13] = mix(UNSEEN, PANEL, UNSEEN_SHARE)
+    ring = at + 10.0 * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
+    draw_lines(image, cut_dashes(ring, BELIEVED), TRUNK)
 
 
 def _draw_track(image: Image, at: Array) -> None:

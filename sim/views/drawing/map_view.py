@@ -13,18 +13,19 @@ from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle
 from sim.views.drawing.marks import draw_broken_mark, draw_cross, draw_detection, draw_person_mark, draw_quadrotor
 from sim.views.drawing.strokes import SHIFT, cut_dashes, draw_disc, draw_line, draw_lines, to_fixed_point
-from sim.views.palette import BELIEVED, INK, PANEL, mix
+from sim.views.palette import BELIEVED, INK, PANEL, UNSEEN, UNSEEN_SHARE, mix
 from sim.views.scene import (
     PersonMark,
     Scene,
     TrackMark,
     UavMark,
+    list_unseen_ground,
     mark_trees,
     measure_map,
     outline_ellipse,
     outline_mistaken_crowns,
 )
-from tracking.geometry.visibility import Forest
+from tracking.geometry.visibility import NO_TREES, Forest
 from tracking.numerics.arrays import Array, Image
 
 _SPACIOUS = 2.0  # pixels per m; marks on maps with less are smaller
@@ -43,13 +44,14 @@ class MapView:
         self.scale = min(size[0] / width, size[1] / height)
         self._mark = float(np.clip(self.scale / _SPACIOUS, 0.5, 1.0))
         self._ground = self._draw_ground(forest)
-        for ring in outline_mistaken_crowns(forest, believed):
-            draw_lines(self._ground, cut_dashes(self.pixels(ring), BELIEVED), palette.CANOPY_EDGE)
+        self._draw_crowns(self._ground, outline_mistaken_crowns(forest, believed), palette.CANOPY_EDGE)
 
     def draw(self, scene: Scene, image: Image | None = None) -> tuple[Image, Labels]:
         """The map (H, W, 3) RGB of a scene, in `image` if it is given, and its labels for further names."""
         image = np.empty_like(self._ground) if image is None else image
         image[:] = self._ground
+        if scene.mapped is not None:
+            self._draw_believed(image, scene.mapped)
         self._draw_views(image, scene)
         for trail in scene.trails:
             draw_line(image, self.pixels(trail.places), trail.colour)
@@ -103,6 +105,18 @@ class MapView:
                 draw_disc(image, place, max(radius, 2.2 * self._mark), tree.colour)
         draw_line(image, self.pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), palette.FAINT, closed=True)
         return image
+
+    def _draw_crowns(self, image: Image, rings: Sequence[Array], colour: palette.Colour) -> None:
+        for ring in rings:
+            draw_lines(image, cut_dashes(self.pixels(ring), BELIEVED), colour)
+
+    def _draw_believed(self, image: Image, believed: Forest) -> None:
+        """Outline the crowns that a UAV has mapped, and shade the ground that it has not seen."""
+        for strip in list_unseen_ground(believed):
+            (left, low), (right, high) = np.rint(self.pixels(strip.reshape(2, 2))).astype(int)
+            part = image[high:low, left:right]
+            part[:] = cv2.addWeighted(np.full_like(part, UNSEEN), UNSEEN_SHARE, part, 1.0 - UNSEEN_SHARE, 0)
+        self._draw_crowns(image, outline_mistaken_crowns(NO_TREES, believed), palette.TRUNK)
 
     def _draw_views(self, image: Image, scene: Scene) -> None:
         for uav in scene.uavs:

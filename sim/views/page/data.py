@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from sim.facts.flight import Flight
 from sim.facts.metrics.fleet_facts import average_ospa
+from sim.mission.recording import Recording
 from sim.views import palette
 from sim.views.drawing.layout import Parts
 from sim.views.page.charts import Table, choose_shown, list_people_now, make_chart_legend, make_timeline
@@ -22,9 +23,11 @@ from sim.views.scene import (
     TreeMark,
     UavMark,
     find_half_axes,
+    list_unseen_ground,
     make_scenes,
     mark_trees,
 )
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 
@@ -51,6 +54,7 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "rate": rate,
         "times": _round(recording.times[shown.every], 3),
         "trees": [_list_tree(tree) for tree in trees],
+        "maps": _list_maps(recording, shown.every),
         "names": {
             "people": [f"person {m}" for m in range(recording.person_count)],
             "uavs": [f"UAV {i}" for i in range(recording.uav_count)],
@@ -82,6 +86,22 @@ def _list_tree(tree: TreeMark) -> list[Any]:
     words = f"tree {tree.tree}, {tree.solid.part} of {round(radius, 2):g} m radius{hides}"
     edge = format_css(palette.CANOPY_EDGE) if tree.is_crown else None
     return [*_round([x, y, radius, tree.solid.cover]), format_css(tree.colour), edge, words]
+
+
+def _list_maps(recording: Recording, shown: slice) -> dict[str, Any] | None:
+    """The maps that UAVs made, if they did: which one each UAV believed at each scan, and the content of each.
+
+    A map has x, y and radius [m] of its crowns, and west, south, east and north [m] of strips of unseen ground.
+    """
+    if recording.maps is None:
+        return None
+    known: dict[Forest, int] = {}
+    scans, uavs = range(recording.scan_count)[shown], range(recording.uav_count)
+    believed = [[known.setdefault(recording.believed_at(k, i), len(known)) for i in uavs] for k in scans]
+    crowns = [np.array([(tree.x, tree.y, tree.canopy_radius) for tree in forest.trees]) for forest in known]
+    strips = [list_unseen_ground(forest) for forest in known]
+    made = [[_round(own.ravel()), _round(unseen.ravel())] for own, unseen in zip(crowns, strips, strict=True)]
+    return {"believed": believed, "made": made}
 
 
 def _list_people(scene: Scene, people: int, looks: Table) -> list[list[float] | None]:
@@ -156,6 +176,7 @@ def _make_map_legend(scenes: Sequence[Scene], covers: Sequence[float]) -> list[l
     marks += [(text, "person", _format_look(look), text in states) for text, look in PEOPLE_LOOKS.items()]
     marks += [
         ("track, 95 %", "track", format_css(VERMILLION), any(uav.tracks for uav in uavs)),
+        ("mapped, unseen", "mapped", format_css(palette.TRUNK), any(scene.mapped is not None for scene in scenes)),
         ("view of a UAV", "view", format_css(BLUE), any(uav.view is not None for uav in uavs)),
         ("view as believed", "believed", format_css(BLUE), any(scene.poses_err for scene in scenes)),
         ("intent", "intent", format_css(BLUE), any(uav.intent is not None for uav in uavs)),

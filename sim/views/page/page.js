@@ -181,6 +181,15 @@ const MARKS = {
   },
   person: (ctx, look) => personMark(ctx, 11, 10, 0, look, 8),
   track: (ctx) => { ctx.beginPath(); ctx.ellipse(13, 10, 11, 7, 0, 0, 7); ctx.stroke(); },
+  mapped: (ctx, colour) => {
+    ctx.globalAlpha = 0.25;
+    ctx.fillStyle = colours.unseen;
+    ctx.fillRect(13, 2, 12, 16);
+    ctx.globalAlpha = 1;
+    ctx.setLineDash([3, 3]);
+    ring(ctx, 13, 10, 8, colour, 1.5);
+    ctx.setLineDash([]);
+  },
   view: (ctx) => ctx.strokeRect(5, 3, 16, 14),
   believed: (ctx) => { ctx.lineWidth = 1; ctx.setLineDash([3, 3]); ctx.strokeRect(5, 3, 16, 14); },
   intent: (ctx, colour) => { ctx.lineWidth = 2.5; ctx.setLineDash([2, 4]); stroke(ctx, [[2, 10], [18, 10]]); ctx.setLineDash([]); ring(ctx, 21, 10, 3.5, colour, 2); },

@@ -32,6 +32,7 @@ function drawMap() {
   ctx.fillRect(0, 0, canvas.clientWidth, canvas.clientHeight);
   drawGround(ctx);
   const k = state.k;
+  if (data.maps && trackOwner(k) >= 0) drawBelievedForest(ctx, data.maps.made[data.maps.believed[k][trackOwner(k)]]);
   const uavs = data.uavs[k].map(([look, x, y, z, view, believed, intent]) => ({ look: data.looks.uavs[look], x, y, view, believed, intent }));
   for (const uav of uavs) if (uav.view) drawView(ctx, uav);
   for (const uav of uavs) if (uav.believed) drawBelieved(ctx, uav);
@@ -88,6 +89,22 @@ function drawBelieved(ctx, { look, believed }) {
   ctx.lineWidth = 1;
   ctx.setLineDash([3, 3]);
   ctx.stroke();
+  ctx.setLineDash([]);
+}
+
+// The crowns that a UAV has mapped, and the ground that it has not seen.
+function drawBelievedForest(ctx, [crowns, strips]) {
+  ctx.beginPath();
+  for (let c = 0; c < strips.length; c += 4) {
+    const [west, south, east, north] = strips.slice(c, c + 4);
+    ctx.rect(px(west), py(north), (east - west) * map.scale, (north - south) * map.scale);
+  }
+  ctx.globalAlpha = 0.25;
+  ctx.fillStyle = colours.unseen;
+  ctx.fill();
+  ctx.globalAlpha = 1;
+  ctx.setLineDash([3, 3]);
+  for (let c = 0; c < crowns.length; c += 3) ring(ctx, px(crowns[c]), py(crowns[c + 1]), crowns[c + 2] * map.scale, colours.trunk, 1.5);
   ctx.setLineDash([]);
 }
 

@@ -4,13 +4,18 @@ import numpy as np
 import pytest
 from helpers.flights import fly, recording_of
 
+from sim.facts.flight import Flight
 from sim.scenario.loading import load_scenario
+from sim.views.drawing.map_view import MapView
+from sim.views.page.data import make_page_data
+from sim.views.scene import list_unseen_ground, make_scene
 from tracking.errors import InputError
 from tracking.geometry.camera import Pose
 from tracking.geometry.line_of_sight import value_at
 from tracking.geometry.visibility import Tree
 
 UNSEEN = Tree(60.0, -40.0)
+TURN = np.column_stack([np.cos(np.linspace(0, 6, 100)), np.sin(np.linspace(0, 6, 100))])
 STEMS = [(-22.0, -12.0), (-10.0, 8.0), (-24.0, 6.0), (-12.0, -8.0), (0.0, 0.0), (2.0, 14.0)]
 
 
@@ -65,6 +70,43 @@ def test_ground_that_is_not_yet_seen_may_have_trees_and_open_ground_has_none(flo
         assert 0.3 < np.mean(believed.unknown.values > 0.0) < 0.99
         assert 0.3 < believed.detectabilities(lens, person)[0] < 0.95
         assert value_at(believed.unknown, *start.start) == 0.0
+
+
+def test_maps_show_what_the_uav_of_the_tracks_has_mapped_and_not_seen(flown):
+    mission, recording = flown[0]
+    last = len(recording.times) - 1
+    scene = make_scene(recording, last, np.zeros(recording.person_count, dtype=np.int64))
+    believed = mission.beliefs.believed(0)
+    assert scene.owner == 0 and scene.mapped.trees == believed.trees
+    strips, (rows, columns) = list_unseen_ground(scene.mapped), np.nonzero(believed.unknown.values >= 0.0)
+    centres = believed.unknown.low + believed.unknown.cell * np.column_stack([columns + 0.5, rows + 0.5])
+    inside = np.all((strips[:, None, :2] < centres) & (centres < strips[:, None, 2:]), axis=2)
+    np.testing.assert_array_equal(inside.sum(axis=0), believed.unknown.values[rows, columns] > 0.0)
+    view = MapView(mission.scenario, recording.forest, (800, 560))
+    drawn, plain = view.draw(scene)[0].astype(int), view.draw(scene._replace(mapped=None))[0].astype(int)
+    unseen, seen = (view.pixels(place).astype(int) for place in ((60.0, -38.3), mission.scenario.uavs[0].start))
+    assert (drawn - plain)[unseen[1], unseen[0]].max() < 0
+    assert (drawn == plain)[seen[1], seen[0]].all()
+    tree = believed.trees[0]
+    around = view.pixels((tree.x, tree.y)) + tree.canopy_radius * view.scale * TURN
+    assert (drawn != plain)[around[:, 1].astype(int), around[:, 0].astype(int)].any(axis=1).mean() > 0.3
+
+
+def test_the_page_has_the_map_of_each_uav_at_each_scan(flown):
+    _, recording = flown[0]
+    maps = make_page_data(Flight(recording), None)["maps"]
+    assert len(maps["believed"]) == recording.scan_count
+    assert len(maps["made"]) == len({*recording.maps.ravel().tolist()})
+    for k, uav in ((0, 0), (recording.scan_count - 1, 2)):
+        believed = recording.believed_at(k, uav)
+        crowns, strips = (
+            np.reshape(part, (-1, n)) for part, n in zip(maps["made"][maps["believed"][k][uav]], (3, 4), strict=True)
+        )
+        expected = [(tree.x, tree.y, tree.canopy_radius) for tree in believed.trees]
+        np.testing.assert_allclose(crowns, np.reshape(expected, (-1, 3)), atol=0.005)
+        area = (strips[:, 2] - strips[:, 0]) * (strips[:, 3] - strips[:, 1])
+        cell = np.prod(believed.unknown.cell)
+        assert area.sum() == pytest.approx(cell * np.count_nonzero(believed.unknown.values), rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def contents(folder):
 @pytest.mark.parametrize(
     ("planner", "overrides"),
     [
-        (DEFAULT_PLANNER, ()),
+        (DEFAULT_PLANNER, ("mapping.forest=mapped",)),
         ("greedy", ("sensing.mode=ideal", "network.loss=0.3", "tracking.initial_tracks=none")),
         ("greedy", ("uavs=[{start=[-2,0]}, {start=[2,0], fails_at=0.5}]", "network.plan_delay=0.2")),
     ],

@@ -34,7 +34,7 @@ def test_compiling_is_announced_and_timed_once_however_functions_call_each_other
     function = numba.njit(thrice)
     with announce_compilation(said.append, done.append):
         assert said == [] and function(7) == 42 and function(7.0) == 42.0
-    assert len(said) == 2 and said[0] == "Compiling the numerical code, which takes about a minute."
+    assert len(said) == 2 and said[0] == "Compiling the numerical code, which takes a minute or two."
     assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", said[1])
     assert done == [(1, 3), (2, 3)]
     with announce_compilation(said.append, done.append):
@@ -157,7 +157,7 @@ def test_the_first_run_says_that_it_compiles_and_the_second_nothing(tmp_path):
         shutil.copytree(ROOT / name, tmp_path / "copy" / name, ignore=shutil.ignore_patterns("__pycache__"))
     cache = {"PYTHONPATH": str(tmp_path / "copy"), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     first, recording = flown(tmp_path, "first", **cache)
-    assert first[0] == "Compiling the numerical code, which takes about a minute."
+    assert first[0] == "Compiling the numerical code, which takes a minute or two."
     told = [re.match(r"compiling: (\d+) of (\d+) functions", line) for line in first[1:-1]]  # of a slow machine
     assert all(int(line[1]) <= int(line[2]) > 100 for line in told)
     assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", first[-1])

@@ -24,8 +24,9 @@ from sim.views.drawing.film import Film, Video
 from sim.views.drawing.redrawn_film import write_film
 from tracking.errors import InputError
 
-# A slow camera, a UAV that breaks down, everything varied by the seed.
+# A slow camera, a UAV that breaks down, trees that UAVs map, everything varied by the seed.
 SETTINGS = ["duration=3", "trees.density=75", "uavs.1.rate=1", "uavs.2.fails_at=1.5", "appearance.randomise=true"]
+SETTINGS += ["mapping.forest=mapped"]
 
 
 @pytest.fixture(scope="module")
