@@ -22,6 +22,7 @@ from sim.facts.metrics.fleet_facts import (
     measure_times_to_find,
 )
 from sim.facts.metrics.holding import FAR
+from sim.facts.metrics.map_errors import MapErrors, compare_maps
 from sim.facts.metrics.metric import Better, Computation, Metric, Outcome, mean
 from sim.facts.metrics.score import Score
 from sim.facts.metrics.unmatched import Unmatched
@@ -121,6 +122,17 @@ def _compute_precision(outcome: Outcome) -> float | None:
     """Share of detections that were people."""
     r = outcome.recording
     return _divide(np.sum(r.matched), np.sum(~np.isnan(r.pixels[:, 0])))
+
+
+def _divide_maps(outcome: Outcome, of: Callable[[MapErrors], tuple[int, int]]) -> float | None:
+    """Ratio of two numbers of the UAVs' own maps; None if there are none."""
+    maps = compare_maps(outcome.recording)
+    return _divide(*map(np.int64, of(maps))) if maps else None
+
+
+def _measure_map_error(outcome: Outcome) -> float | None:
+    maps = compare_maps(outcome.recording)
+    return math.sqrt(mean(maps.distances**2) or 0.0) if maps and len(maps.distances) else None
 
 
 def _divide(part: np.generic, whole: np.generic) -> float | None:
@@ -309,6 +321,28 @@ _ENTRIES: dict[str, Metric] = {
     ),
     "detection.precision": _make_share(
         "detection precision", _compute_precision, "share of detections that are people", printed=32
+    ),
+    "map.recall": _make_share(
+        "seen trees mapped",
+        lambda o: _divide_maps(o, lambda maps: (maps.found, maps.seen)),
+        "share of the trees whose middle a UAV has seen that are on its map at the end, over all UAVs",
+        judges=False,
+        printed=33,
+    ),
+    "map.false_share": _make_share(
+        "mapped trees that are none",
+        lambda o: _divide_maps(o, lambda maps: (maps.mapped - len(maps.distances), maps.mapped)),
+        "share of the trees on these maps whose middle is below no crown",
+        better="lower",
+        judges=False,
+        printed=34,
+    ),
+    "map.error_m": _of_flight(
+        "error of mapped trees",
+        _measure_map_error,
+        "m",
+        meaning="root mean square of the distances of the other ones from the true places",
+        printed=35,
     ),
     "network.disagreement_m": _of_flight(
         "disagreement of UAVs",

@@ -1,0 +1,49 @@
+"""Errors of the maps of trees that UAVs made, at the end of a mission."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.mission.recording import Recording
+from tracking.geometry.line_of_sight import Raster, value_at
+from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array
+from tracking.numerics.assignment import pairs_within
+from tracking.numerics.distances import length
+
+
+class MapErrors(NamedTuple):
+    """Errors of the last maps of all UAVs, summed over UAVs."""
+
+    seen: int  # true trees whose middle is on ground that the UAV has seen
+    found: int  # of these, mapped trees
+    mapped: int  # trees on maps
+    distances: Array  # (D,) m, from the middle of each mapped tree that is a true one to the true middle
+
+
+def compare_maps(recording: Recording) -> MapErrors | None:
+    """Compare the last map of each UAV with the true trees; None if UAVs made no maps.
+
+    A mapped tree is a true one if its middle is below that one's crown; each stands for one tree at most.
+    """
+    if recording.maps is None:
+        return None
+    last = recording.scan_count - 1
+    return _add([_compare(recording.believed_at(last, i), recording.forest) for i in range(recording.uav_count)])
+
+
+def _compare(believed: Forest, true: Forest) -> MapErrors:
+    """Errors of one map."""
+    own, exact = (np.array([(tree.x, tree.y) for tree in forest.trees]).reshape(-1, 2) for forest in (believed, true))
+    gaps = length(own[:, None] - exact[None])
+    radii = np.array([tree.canopy_radius for tree in true.trees])
+    pairs = pairs_within(np.where(gaps < radii, gaps, np.inf), float(radii.max(initial=0.0)))
+    unknown = believed.unknown
+    seen = [not isinstance(unknown, Raster) or value_at(unknown, *place) == 0.0 for place in exact.tolist()]
+    found = sum(seen[b] for _, b in pairs)
+    return MapErrors(sum(seen), found, len(own), np.array([gaps[pair] for pair in pairs]))
+
+
+def _add(errors: list[MapErrors]) -> MapErrors:
+    seen, found, mapped = (sum(column) for column in list(zip(*errors, strict=True))[:3])
+    return MapErrors(seen, found, mapped, np.concatenate([one.distances for one in errors]))
