@@ -327,7 +327,6 @@ _ENTRIES: dict[str, Metric] = {
         lambda o: _divide_maps(o, lambda maps: (maps.found, maps.seen)),
         "share of the trees whose middle a UAV has seen that are on its map at the end, over all UAVs",
         judges=False,
-        printed=33,
     ),
     "map.false_share": _make_share(
         "mapped trees that are none",
@@ -335,14 +334,12 @@ _ENTRIES: dict[str, Metric] = {
         "share of the trees on these maps whose middle is below no crown",
         better="lower",
         judges=False,
-        printed=34,
     ),
     "map.error_m": _of_flight(
         "error of mapped trees",
         _measure_map_error,
         "m",
         meaning="root mean square of the distances of the other ones from the true places",
-        printed=35,
     ),
     "network.disagreement_m": _of_flight(
         "disagreement of UAVs",
