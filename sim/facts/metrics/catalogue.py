@@ -22,7 +22,7 @@ from sim.facts.metrics.fleet_facts import (
     measure_times_to_find,
 )
 from sim.facts.metrics.holding import FAR
-from sim.facts.metrics.map_errors import MapErrors, compare_maps
+from sim.facts.metrics.mapping_score import MappingScore, compare_maps
 from sim.facts.metrics.metric import Better, Computation, Metric, Outcome, mean
 from sim.facts.metrics.score import Score
 from sim.facts.metrics.unmatched import Unmatched
@@ -124,7 +124,7 @@ def _compute_precision(outcome: Outcome) -> float | None:
     return _divide(np.sum(r.matched), np.sum(~np.isnan(r.pixels[:, 0])))
 
 
-def _divide_maps(outcome: Outcome, of: Callable[[MapErrors], tuple[int, int]]) -> float | None:
+def _divide_maps(outcome: Outcome, of: Callable[[MappingScore], tuple[int, int]]) -> float | None:
     """Ratio of two numbers of the UAVs' own maps; None if there are none."""
     maps = compare_maps(outcome.recording)
     return _divide(*map(np.int64, of(maps))) if maps else None

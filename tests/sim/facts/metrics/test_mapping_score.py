@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.facts.metrics.catalogue import METRICS
-from sim.facts.metrics.map_errors import compare_maps
+from sim.facts.metrics.mapping_score import compare_maps
 from tracking.geometry.line_of_sight import Raster
 from tracking.geometry.visibility import Forest, Tree
 

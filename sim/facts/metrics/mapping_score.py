@@ -12,7 +12,7 @@ from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
 
 
-class MapErrors(NamedTuple):
+class MappingScore(NamedTuple):
     """Errors of the last maps of all UAVs, summed over UAVs."""
 
     seen: int  # true trees whose middle is on ground that the UAV has seen
@@ -21,7 +21,7 @@ class MapErrors(NamedTuple):
     distances: Array  # (D,) m, from the middle of each mapped tree that is a true one to the true middle
 
 
-def compare_maps(recording: Recording) -> MapErrors | None:
+def compare_maps(recording: Recording) -> MappingScore | None:
     """Compare the last map of each UAV with the true trees; None if UAVs made no maps.
 
     A mapped tree is a true one if its middle is below that one's crown; each stands for one tree at most.
@@ -32,7 +32,7 @@ def compare_maps(recording: Recording) -> MapErrors | None:
     return _add([_compare(recording.believed_at(last, i), recording.forest) for i in range(recording.uav_count)])
 
 
-def _compare(believed: Forest, true: Forest) -> MapErrors:
+def _compare(believed: Forest, true: Forest) -> MappingScore:
     """Errors of one map."""
     own, exact = (np.array([(tree.x, tree.y) for tree in forest.trees]).reshape(-1, 2) for forest in (believed, true))
     gaps = length(own[:, None] - exact[None])
@@ -41,9 +41,9 @@ def _compare(believed: Forest, true: Forest) -> MapErrors:
     unknown = believed.unknown
     seen = [not isinstance(unknown, Raster) or value_at(unknown, *place) == 0.0 for place in exact.tolist()]
     found = sum(seen[b] for _, b in pairs)
-    return MapErrors(sum(seen), found, len(own), np.array([gaps[pair] for pair in pairs]))
+    return MappingScore(sum(seen), found, len(own), np.array([gaps[pair] for pair in pairs]))
 
 
-def _add(errors: list[MapErrors]) -> MapErrors:
+def _add(errors: list[MappingScore]) -> MappingScore:
     seen, found, mapped = (sum(column) for column in list(zip(*errors, strict=True))[:3])
-    return MapErrors(seen, found, mapped, np.concatenate([one.distances for one in errors]))
+    return MappingScore(seen, found, mapped, np.concatenate([one.distances for one in errors]))
