@@ -20,6 +20,7 @@ from sim.views.palette import (
     TRUNK,
     UNSEEN,
     UNSEEN_SHARE,
+    Colour,
     mix,
     track_colour,
 )
@@ -99,16 +100,15 @@ def _draw_tree(image: Image, at: Array, *, cover: float) -> None:
     draw_disc(image, at, 2.0, TRUNK)
 
 
-def _draw_believed_tree(image: Image, at: Array) -> None:
+def _draw_believed_tree(image: Image, at: Array, colour: Colour = CANOPY_EDGE) -> None:
     ring = at + 10.0 * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
-    draw_lines(image, cut_dashes(ring, BELIEVED), CANOPY_EDGE)
+    draw_lines(image, cut_dashes(ring, BELIEVED), colour)
 
 
 def _draw_mapped_tree(image: Image, at: Array) -> None:
     x, y = np.rint(at).astype(int)
     image[y - 8 : y + 9, x : x + 13] = mix(UNSEEN, PANEL, UNSEEN_SHARE)
-    ring = at + 10.0 * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
-    draw_lines(image, cut_dashes(ring, BELIEVED), TRUNK)
+    _draw_believed_tree(image, at, TRUNK)
 
 
 def _draw_track(image: Image, at: Array) -> None:
