@@ -96,6 +96,7 @@ def _list_uavs(r: Recording) -> Columns:
         "works": r.working[k, i],
         "sent_bytes": r.bytes_sent[k, i],
         "sent_plans_bytes": r.plan_bytes[k, i],
+        **({} if r.map_bytes is None else {"sent_maps_bytes": r.map_bytes[k, i]}),
     }
 
 

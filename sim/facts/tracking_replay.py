@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sim.mission.recorded_links import find_recorded_links
+from sim.mission.recorded_links import find_recorded_links, keep_sending
 from sim.mission.recording import Recording
 from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_initial_tracks
@@ -76,7 +76,7 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
             scans = {i: recording.scan_at(k, i) for i in working if recording.frames_taken[k, i]}
             trackers.step(time, scans, links, working)
             for i in working:
-                trackers.relay.send_plan(i, time, int(recording.plan_bytes[k, i]))
+                keep_sending(trackers.relay, recording, k, i)
             if any(_read_bits(trackers[i].tracks) != _read_bits(recording.tracks_at(k, i)) for i in working):
                 other = "this version's trackers make other tracks than the recorded ones"
                 return TrackingReplay(states, f"from {time:.1f} s on {other}: {_UNKNOWN}")

@@ -3,10 +3,13 @@
 from collections.abc import Sequence
 from typing import Protocol
 
+from sim.mission.radio import RadioLinks
+from sim.mission.scan_relay import ScanRelay
 from sim.scenario.scenario import Scenario
 from sim.world.believed_forest import believe_forest
 from tracking.detection.detector import Frame
 from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Indices
 
 
 class ForestBeliefs(Protocol):
@@ -24,6 +27,12 @@ class ForestBeliefs(Protocol):
     def observe(self, frames: Sequence[Frame]) -> None:
         """Learn from the frames of one scan; none without images."""
 
+    def share(self, time: float, links: RadioLinks, working: Sequence[int], relay: ScanRelay) -> Indices | None:
+        """Exchange maps over the links of a scan; return the bytes (n,) that each UAV sends, None if none are shared.
+
+        relay: has the transmitters that maps share with scans.
+        """
+
     def believed(self, uav: int) -> Forest:
         """The forest as a UAV believes it now."""
 
@@ -36,6 +45,10 @@ class GivenMap:
 
     def observe(self, frames: Sequence[Frame]) -> None:
         """Nothing: the map stays."""
+
+    def share(self, time: float, links: RadioLinks, working: Sequence[int], relay: ScanRelay) -> Indices | None:
+        """Nothing: all have it."""
+        return None
 
     def believed(self, uav: int) -> Forest:
         """The map."""

@@ -1,16 +1,21 @@
-"""Maps of the forest that UAVs make themselves."""
+"""Maps of the forest that UAVs make themselves, and share."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from sim.mission.map_exchange import DatedMap, MapExchange
+from sim.mission.radio import RadioLinks
+from sim.mission.scan_relay import ScanRelay
 from sim.scenario.scenario import Scenario
 from tracking.detection.detector import Frame
 from tracking.geometry.line_of_sight import Raster
 from tracking.geometry.unseen_ground import expect_unseen_trees
 from tracking.geometry.visibility import Forest, Tree
+from tracking.mapping.fusion import TreeMap, fuse_maps
 from tracking.mapping.mapper import COVERED, OPEN, ParallaxMapper, SeenGround
+from tracking.numerics.arrays import Indices
 
 _PAUSE = 1.0  # s, from one map to the next
 _CELL = 2.0  # m, edge of the cells of ground of which UAVs know whether they have seen them
@@ -20,36 +25,55 @@ _USUAL = Tree(0.0, 0.0, canopy_radius=4.0)  # the size of unknown trees while no
 class MappedForests:
     """Maps that UAVs make while they fly, each from the frames of its own camera. No true tree is known to them.
 
-    Once a second a map is made anew of what was seen. Trees have the deviations of the mapper; where a UAV has not
-    looked yet, there may be trees of the mean size of those that it has mapped.
+    Once a second each makes its map anew of what it saw, and sends it, if maps are shared. It believes this map fused
+    with those that it has received. Trees have the deviations of the mapper; where no UAV that it heard of has looked
+    yet, there may be trees of the mean size of those that are mapped.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self._area = scenario.area.width, scenario.area.height
         self._occlusion = scenario.sensing.occlusion
         self._mappers = [ParallaxMapper() for _ in scenario.uavs]
-        self._forests = [self._make(mapper) for mapper in self._mappers]
-        self._made = [0.0] * len(self._mappers)  # s, time of each map
+        self._maps = MapExchange(scenario.network, len(scenario.uavs))
+        self._shares = scenario.mapping.share
+        self._due: list[int] = []  # UAVs that have made a map since they sent the last one
+        for uav in range(len(scenario.uavs)):
+            self._make_map(uav, 0.0)
+        self._forests = [self._believe(uav) for uav in range(len(scenario.uavs))]
 
     def observe(self, frames: Sequence[Frame]) -> None:
         """Map the trees in the frames of one scan."""
         for frame in frames:
-            mapper = self._mappers[frame.uav]
-            mapper.add(frame)
-            if frame.time > self._made[frame.uav] + 0.999 * _PAUSE:
-                self._made[frame.uav], self._forests[frame.uav] = frame.time, self._make(mapper)
+            self._mappers[frame.uav].add(frame)
+            if frame.time > self._maps.maps(frame.uav)[frame.uav].time + 0.999 * _PAUSE:
+                self._make_map(frame.uav, frame.time)
+                self._forests[frame.uav] = self._believe(frame.uav)
+                self._due.append(frame.uav)
+
+    def share(self, time: float, links: RadioLinks, working: Sequence[int], relay: ScanRelay) -> Indices | None:
+        """Send the maps that were made in this scan, and take in those that have arrived, believed from the next on."""
+        if not self._shares:
+            return None
+        due, self._due = [i for i in self._due if i in working], []
+        return self._maps.step(time, due, links, working, relay)
 
     def believed(self, uav: int) -> Forest:
         """The map of a UAV."""
         return self._forests[uav]
 
-    def _make(self, mapper: ParallaxMapper) -> Forest:
-        mapped = mapper.trees()
+    def _make_map(self, uav: int, time: float) -> None:
+        mapper = self._mappers[uav]
+        made = TreeMap(mapper.trees(), _lay_over(self._area, mapper.ground()))
+        self._maps.publish(uav, DatedMap(time, made))
+
+    def _believe(self, uav: int) -> Forest:
+        fused = fuse_maps([dated.map for dated in self._maps.maps(uav).values()])
+        mapped = fused.trees
         trees = tuple(found.tree for found in mapped)
         deviations = tuple(math.sqrt(0.5 * float(np.trace(found.covariance[:2, :2]))) for found in mapped)
         sizes = np.array([(tree.canopy_radius, tree.canopy_base, tree.canopy_top) for tree in trees])
         usual = Tree(0.0, 0.0, *sizes.mean(axis=0).tolist()) if trees else _USUAL
-        unseen = expect_unseen_trees(_lay_over(self._area, mapper.ground()), usual.canopy_radius)
+        unseen = expect_unseen_trees(fused.ground, usual.canopy_radius)
         return Forest(trees, self._occlusion, deviations or 0.0, unseen, usual)
 
 

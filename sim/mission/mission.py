@@ -176,6 +176,7 @@ class Mission:
         with self.clock.measure("tracking"):
             scans = {i: reading.scan for i, reading in enumerate(readings) if takes[i]}
             tracks, sent = self._knowledge.track(time, scans, links, self._working)
+            told = self.beliefs.share(time, links, self._working, self._knowledge.trackers.relay)
         if self._working and self.scenario.decides(k):
             with self.clock.measure("tracking"):
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
@@ -204,6 +205,7 @@ class Mission:
             matched=np.array([reading.matched for reading in readings]),
             contacts=self._world.take_contacts(),
             bytes_sent=sent,
+            map_bytes=told,
             plan_bytes=np.zeros(len(bodies), dtype=np.int64),
             plan_rounds=0,
             faults=tuple(faults),

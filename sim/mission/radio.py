@@ -29,6 +29,11 @@ class RadioLinks(NamedTuple):
             return self.up
         return np.asarray(self.up & ~np.all(self.lost, axis=0))
 
+    @property
+    def first_round(self) -> Flags:
+        """Pairs (n, n) whose message of the scan's first round is received, as those are that are sent once."""
+        return self.up if self.lost is None or len(self.lost) == 0 else np.asarray(self.up & ~self.lost[0])
+
     def find_heard(self, uav: int, *, takes_time: bool) -> Flags:
         """UAVs (n,) whose present frames a UAV knows at a decision: its own, and those of UAVs in contact.
 

@@ -20,6 +20,13 @@ def find_recorded_links(recording: Recording) -> list[RadioLinks]:
     return found
 
 
+def keep_sending(relay: ScanRelay, recording: Recording, k: int, uav: int) -> None:
+    """Send what a UAV sent beside scans at scan k, maps and then plans, which keep later scans waiting."""
+    for sizes in (recording.map_bytes, recording.plan_bytes):
+        if sizes is not None:
+            relay.transmit(uav, float(recording.times[k]), int(sizes[k, uav]))
+
+
 def measure_ages(recording: Recording) -> Array:
     """Age (K, n, n) s of the newest scan of the column's UAV that the row's one has at each scan.
 
@@ -39,7 +46,7 @@ def measure_ages(recording: Recording) -> Array:
         for i in working:
             own = [Sent(k, i, recording.scan_at(k, i))] if recording.frames_taken[k, i] else []
             relay.send(i, time, own, links, working, size=int(recording.bytes_sent[k, i]))
-            relay.send_plan(i, time, int(recording.plan_bytes[k, i]))
+            keep_sending(relay, recording, k, i)
         both = np.ix_(working, working)
         ages[k][both] = time - newest[both]
     return ages

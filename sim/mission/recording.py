@@ -87,6 +87,7 @@ class Recording:
         map_trees: the fields of each `Tree`, and the deviation [m] of its place; a row with an infinite deviation is
             the `unknown_tree`.
         map_unknown: number per m² of unknown trees in the cells of a raster over the area.
+        map_bytes: bytes of maps of trees to neighbours; None if UAVs share none.
     """
 
     version: Annotated[int, "<i8", ""]
@@ -129,6 +130,7 @@ class Recording:
     map_sizes: Annotated[Indices | None, "<i8", "B"] = None
     map_trees: Annotated[Array | None, "<f8", "R 8"] = None
     map_unknown: Annotated[Array | None, "<f8", "B y x"] = None
+    map_bytes: Annotated[Indices | None, "<i8", "K n"] = None
 
     @property
     def scan_count(self) -> int:
@@ -345,6 +347,7 @@ class Recording:
             plan_rounds=int(self.plan_rounds[k]),
             faults=self.faults_at(k),
             known_ospa=self.ospa[k],
+            map_bytes=None if self.map_bytes is None else self.map_bytes[k],
             **{name: getattr(self, name)[k] for name in _AS_IN_SNAPSHOTS},
         )
 
@@ -362,7 +365,7 @@ FIELDS = {
     for name, hint in get_type_hints(Recording, include_extras=True).items()
 }
 MAPS = ("maps", "map_sizes", "map_trees", "map_unknown")
-OPTIONAL = ("frames", "believed", *MAPS)  # fields that are not written if they are None
+OPTIONAL = ("frames", "believed", *MAPS, "map_bytes")  # fields that are not written if they are None
 
 
 def _check_setting(recording: Recording, scenario: Scenario) -> None:

@@ -112,6 +112,7 @@ def _check_plans(r: Recording) -> Iterator[Finding]:
 def _check_counts(r: Recording) -> Iterator[Finding]:
     for name in ("visible", "bytes_sent", "plan_bytes", "plan_rounds"):
         yield name, bool(np.any(getattr(r, name) < 0)), "holds numbers below 0"
+    yield "map_bytes", r.map_bytes is not None and bool(np.any(r.map_bytes < 0)), "holds numbers below 0"
 
 
 def _check_trees(name: str, trees: Array) -> Iterator[Finding]:

@@ -56,10 +56,10 @@ class ScanRelay:
                     self.received[uav].append(sent)
         return self.received[uav]
 
-    def send_plan(self, uav: int, time: float, size: int) -> float | None:
-        """Send a UAV's plan of so many bytes; return when it is sent [s], None if it is dropped.
+    def transmit(self, uav: int, time: float, size: int) -> float | None:
+        """Send a UAV's map or plan of so many bytes; return when it is sent [s], None if it is dropped.
 
-        Plans have no transmitter of their own, so they keep scans waiting: in a mission, and where recorded bytes are
+        They have no transmitter of their own, so they keep scans waiting: in a mission, and where recorded bytes are
         sent again.
         """
         return self.senders[uav].send(time, size)

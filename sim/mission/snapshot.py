@@ -49,6 +49,7 @@ class Snapshot:
     contacts: tuple[Contact, ...] = ()  # since the previous scan
     bytes_sent: Indices  # (n,) sent to neighbours in all rounds of consensus
     plan_bytes: Indices  # (n,) sent to neighbours for the plans of this scan
+    map_bytes: Indices | None = None  # (n,) sent to neighbours for maps of trees; None if UAVs do not share any
     plan_rounds: int  # number of rounds in which these plans were sent
     faults: tuple[Fault, ...] = ()  # of planner and detectors at this scan, and breakdowns since the previous one
     known_ospa: Array | None = None  # `ospa`, if it is known, as from a recording

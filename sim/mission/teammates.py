@@ -176,7 +176,7 @@ class LateTeammates(Teammates):
                 self._known[i, j] = self._known[i, j]._replace(plan=Plan(plan.others[j]))
             report = _Report(self._time, self._fleet[i], _NO_PLAN if silent else Plan(plan.controls))
             sent[i] += report.plan.size * bool(self._up[:, i].any())
-            done = self._relay.send_plan(i, self._time, int(sent[i]))
+            done = self._relay.transmit(i, self._time, int(sent[i]))
             if done is None:
                 sent[i] = 0
                 continue

@@ -18,6 +18,8 @@ class Mapping(Struct, frozen=True, forbid_unknown_fields=True):
     # trees in the frames of its own camera, and reckons with trees where it has not looked; `"none"`: they know of no
     # trees
     forest: Literal["known", "mapped", "none"] = "known"
+    # True if UAVs send the maps that they make to each other, over the network that tracks take
+    share: bool = True
 
 
 class Believed(Struct, frozen=True, forbid_unknown_fields=True):

@@ -116,6 +116,10 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     def _check_mapping(self) -> None:
         if self.mapping.forest != "known" and not self.believed.maps_truly:
             raise ValueError('believed: errors of the map of trees are allowed with mapping.forest "known" only')
+        if self.mapping.forest != "mapped" and not self.mapping.share:
+            raise ValueError(
+                'mapping.share: false is allowed with mapping.forest "mapped" only; no other maps are sent'
+            )
         if self.mapping.forest == "mapped" and not self.sensing.renders:
             raise ValueError(
                 f'mapping.forest: "mapped" needs images, which sensing.mode {self.sensing.mode!r} has not; '

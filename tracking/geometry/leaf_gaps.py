@@ -3,7 +3,7 @@
 import math
 
 from tracking.geometry.line_of_sight import Grid, Raster, Vector, cylinder_of, free_share, is_blocked, optical_depth
-from tracking.geometry.map_errors import DEVIATION, clear_probability, find_hiding
+from tracking.geometry.map_errors import DEVIATION, clear_probability, lower_by_trees
 from tracking.geometry.person import AREA_BY_HEIGHT, AREA_ON_TOP, PERSON_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
@@ -17,7 +17,6 @@ _ASIDE = 0.2  # m from a person's middle to those of their quarters, which one c
 # Largest free share of a quarter of a person whose middle is behind leaves, because they stick out of a crown.
 _BESIDE = 0.95
 USUAL_PIXEL, USUAL_SLOPE = 0.16, 0.4  # m, and horizontal over vertical distance: those of the default cameras
-_LEAST = 1e-6  # probability of a free line of sight that counts
 _FINEST = CLUSTER / 10  # m; finer pixels show hardly more people, because they meet the same gaps
 
 
@@ -88,15 +87,10 @@ def lower_detectabilities(
         x, y, radius, bottom, top, extinction = cylinder_of(cylinders, k)
         cylinder, opaque = (x, y, radius, bottom, top, extinction), extinction == math.inf
         porous |= not opaque
-        for lane in range(len(shares) if opaque else 0):
-            if not shares[lane] > 0.0:
-                continue
-            origin = east[lane], north[lane], height
-            if errs:
-                shares[lane] *= 1.0 - find_hiding(origin, point, cylinder, cylinders[k, DEVIATION], unknown)
-            elif is_blocked(origin, point, cylinder):
-                shares[lane] = 0.0
-            if shares[lane] < _LEAST:
+        if opaque and errs:
+            hidden += lower_by_trees(shares, cameras, height, point, cylinder, cylinders[k, DEVIATION], unknown)
+        for lane in range(len(shares) if opaque and not errs else 0):
+            if shares[lane] > 0.0 and is_blocked((east[lane], north[lane], height), point, cylinder):
                 shares[lane] = 0.0
                 hidden += 1
     apart = _find_share_apart(pixel)

@@ -2,13 +2,16 @@
 
 import math
 
+import numpy as np
+
 from tracking.geometry.line_of_sight import PIECE, Grid, Raster, Vector, clip, cylinder_of, find_cell, value_at
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
-from tracking.numerics.normal import normal_cdf
+from tracking.numerics.normal import rough_normal_cdf
 
 REACH = 3.0  # standard deviations; places farther off from an edge are taken to be surely beyond it
+_LEAST = 1e-6  # probability of a free line of sight that counts
 _THIN = 1.6  # deviations; the radius at which both approximations are equally good
 # Column of cylinders (B, 7): standard deviation [m] of their places along each axis. The last row may have an infinite
 # one: a Poisson field of trees of which the map has none, of which a raster has the number per m².
@@ -30,21 +33,34 @@ def hiding_probability(origin: Vector, point: Vector, cylinder: Vector, deviatio
         Φ((r - √(d² + c σ²)) / σ)  with  c = 1 - Φ((l - a) / σ) + Φ(-a / σ),
         1 - exp(-λ (π r² + 2 r l))  if σ is infinite.
     """
-    dx, dy, dz = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
-    start, end = 0.0, 1.0
+    start, end = _find_part_beside(origin[2], point[2], cylinder)
+    return 0.0 if start > end else _hide(origin, point, cylinder, deviation, start, end)
+
+
+@inlined
+def _find_part_beside(eye: float, target: float, cylinder: Vector) -> tuple[float, float]:
+    """Where a line of sight between two heights [m] is beside a cylinder: shares of its length; from 2 if nowhere."""
+    low, high, dz = cylinder[3], cylinder[4], target - eye
     if dz == 0.0:
-        if origin[2] < cylinder[3] or origin[2] > cylinder[4]:
-            start = 2.0
-    else:
-        low, high = (cylinder[3] - origin[2]) / dz, (cylinder[4] - origin[2]) / dz
-        start, end = max(start, min(low, high)), min(end, max(low, high))
-    if start > end:
-        return 0.0
-    whole, r = math.sqrt(dx * dx + dy * dy), cylinder[2]
-    east, north = (dx / whole, dy / whole) if whole > 0.0 else (1.0, 0.0)
+        return (0.0, 1.0) if low <= eye <= high else (2.0, 1.0)
+    first, last = (low - eye) / dz, (high - eye) / dz
+    start, end = max(0.0, min(first, last)), min(1.0, max(first, last))
+    return (start, end) if start <= end else (2.0, 1.0)
+
+
+@compiled
+def _hide(origin: Vector, point: Vector, cylinder: Vector, deviation: float, start: float, end: float) -> float:
+    """`hiding_probability` by the part of the segment from `start` to `end`, which is at the cylinder's heights."""
+    dx, dy, r = point[0] - origin[0], point[1] - origin[1], cylinder[2]
     x, y = cylinder[0] - origin[0] - start * dx, cylinder[1] - origin[1] - start * dy
+    squared = dx * dx + dy * dy
     if deviation == math.inf:
-        return 1.0 - exp(-cylinder[0] * r * (math.pi * r + 2.0 * (end - start) * whole))
+        return 1.0 - exp(-cylinder[0] * r * (math.pi * r + 2.0 * (end - start) * math.sqrt(squared)))
+    aside, far = x * dy - y * dx, r + REACH * deviation
+    if aside * aside >= far * far * squared > 0.0:
+        return 0.0  # most are, which this finds without a root or a quotient
+    whole = math.sqrt(squared)
+    east, north = (dx / whole, dy / whole) if whole > 0.0 else (1.0, 0.0)
     length, a, b = (end - start) * whole, x * east + y * north, abs(x * north - y * east)
     beyond = max(-a, a - length, 0.0)
     square, reach = beyond * beyond + b * b, REACH * deviation
@@ -53,11 +69,12 @@ def hiding_probability(origin: Vector, point: Vector, cylinder: Vector, deviatio
     if r > reach and square <= (r - reach) * (r - reach):
         return 1.0
     if r < _THIN * deviation:
-        across = normal_cdf((r - b) / deviation) - normal_cdf((-r - b) / deviation)
+        across = rough_normal_cdf((r - b) / deviation) - rough_normal_cdf((-r - b) / deviation)
         more = 0.25 * math.pi * r
-        return across * (normal_cdf((length + more - a) / deviation) - normal_cdf((-more - a) / deviation))
-    round_ = 1.0 - normal_cdf((length - a) / deviation) + normal_cdf(-a / deviation)
-    return normal_cdf((r - math.sqrt(square + round_ * deviation * deviation)) / deviation)
+        along = rough_normal_cdf((length + more - a) / deviation) - rough_normal_cdf((-more - a) / deviation)
+        return float(across * along)
+    round_ = 1.0 - rough_normal_cdf((length - a) / deviation) + rough_normal_cdf(-a / deviation)
+    return float(rough_normal_cdf((r - math.sqrt(square + round_ * deviation * deviation)) / deviation))
 
 
 @inlined
@@ -68,11 +85,72 @@ def find_hiding(origin: Vector, point: Vector, cylinder: Vector, deviation: floa
     """
     if deviation != math.inf:
         return hiding_probability(origin, point, cylinder, deviation)
-    x, y, dz = origin[0], origin[1], point[2] - origin[2]
+    x, y = origin[0], origin[1]
     _, _, radius, bottom, top, extinction = cylinder
-    share = 1.0 if dz == 0.0 else min(max((0.5 * (bottom + top) - origin[2]) / dz, 0.0), 1.0)
+    share = _find_share_at_middle(origin[2], point[2], cylinder)
     density = value_at(unknown, x + share * (point[0] - x), y + share * (point[1] - y))
+    if density == 0.0:
+        return 0.0
     return hiding_probability(origin, point, (density, 0.0, radius, bottom, top, extinction), math.inf)
+
+
+@compiled
+def lower_by_trees(
+    shares: Array, cameras: Array, height: float, point: Vector, cylinder: Vector, deviation: float, unknown: Raster
+) -> int:
+    """Multiply shares (L,) by the probability that a tree, or unknown ones, leave a line of sight free.
+
+    That is one minus `find_hiding`. Less than `_LEAST` is 0; the result is how many become that. cameras (2, L) m:
+    their places at one height [m]; point (3,) m.
+    """
+    start, end = _find_part_beside(height, point[2], cylinder)
+    if start > end:
+        return 0
+    if deviation == math.inf:
+        free = _find_free_of_unknown(cameras, height, point, cylinder, unknown, end - start)
+    else:
+        free = np.empty(0)
+    hidden = 0
+    for lane in range(len(shares)):
+        if not shares[lane] > 0.0:
+            continue
+        if len(free) > 0:
+            shares[lane] *= free[lane]
+        else:
+            origin = cameras[0, lane], cameras[1, lane], height
+            shares[lane] *= 1.0 - _hide(origin, point, cylinder, deviation, start, end)
+        if shares[lane] < _LEAST:
+            shares[lane] = 0.0
+            hidden += 1
+    return hidden
+
+
+@compiled
+def _find_free_of_unknown(
+    cameras: Array, height: float, point: Vector, cylinder: Vector, unknown: Raster, part: float
+) -> Array:
+    """Probabilities (L,) that no unknown tree hides a point; loops by themselves are done with vector instructions.
+
+    part: share of the line of sight that is beside the cylinder.
+    """
+    east, north, radius = cameras[0], cameras[1], cylinder[2]
+    out, share = np.empty(len(east)), _find_share_at_middle(height, point[2], cylinder)
+    for lane in range(len(east)):
+        dx, dy = point[0] - east[lane], point[1] - north[lane]
+        out[lane] = radius * (math.pi * radius + 2.0 * part * math.sqrt(dx * dx + dy * dy))
+    for lane in range(len(east)):
+        x, y = east[lane], north[lane]
+        out[lane] *= value_at(unknown, x + share * (point[0] - x), y + share * (point[1] - y))
+    for lane in range(len(east)):
+        out[lane] = exp(-out[lane])
+    return out
+
+
+@inlined
+def _find_share_at_middle(eye: float, target: float, cylinder: Vector) -> float:
+    """Share of a line of sight between two heights [m] at half the height of a cylinder; its end if that is level."""
+    dz = target - eye
+    return 1.0 if dz == 0.0 else min(max((0.5 * (cylinder[3] + cylinder[4]) - eye) / dz, 0.0), 1.0)
 
 
 @inlined

@@ -55,12 +55,13 @@ class Window(NamedTuple):
 
 @compiled
 def find_edges(e: Evidence, window: Window) -> Array:
-    """Edges (N, 4) of high regions in a window: x, y [m] and the unit vector inwards."""
+    """Edges (N, 4) of high regions in a window: x, y [m] and the unit vector inwards; says which cells are high."""
     levels, sure = _find_levels(e.sums, e.counts, window)
     rows, columns = levels.shape
     edges, found = np.empty((rows * columns, 4)), 0
     for i in range(1, rows - 1):
         for j in range(1, columns - 1):
+            e.high[window.row + i, window.column + j] = levels[i, j] > sure
             if not levels[i, j] > sure:
                 continue
             east, west, north, south = levels[i, j + 1], levels[i, j - 1], levels[i + 1, j], levels[i - 1, j]
@@ -91,8 +92,9 @@ def _find_levels(sums: Sums, counts: Sums, window: Window) -> tuple[Array, float
                 if count >= KNOWN and not level <= most[i, j]:
                     most[i, j] = level
     known = np.where(np.isnan(most), 0.0, 1.0)
-    ranked = np.sort(most.ravel())[: int(known.sum())]  # NaN are last
-    plain = ranked[int(0.95 * len(ranked))] if len(ranked) > 0 else 0.0
+    ranked = np.sort(most[::2, ::2].ravel())  # of every fourth cell, which takes a fourth of the time; NaN are last
+    count = len(ranked) - np.isnan(ranked).sum()
+    plain = ranked[int(0.95 * count)] if count > 0 else 0.0
     sure = min(max(_SHARE * plain, _FAINT), _SURE)
     most = np.where(known > 0.0, np.minimum(np.maximum(most, -sure), 3.0 * sure), 0.0)
     total, number = np.zeros((rows, columns)), np.zeros((rows, columns))
@@ -164,7 +166,7 @@ def find_crowns(e: Evidence, window: Window, prior: tuple[float, float]) -> list
         if np.count_nonzero(near) < _FEWEST:
             continue
         crown = measure(e, x, y, radius, prior)
-        if _is_plain(crown, prior) and not any(_is_same(crown, other) for other in found):
+        if _is_plain(crown, prior) and not any(is_same(crown, other) for other in found):
             found.append(crown)
             near |= _are_near(edges, crown.x, crown.y, -1.0, crown.radius + 0.75)
         left &= ~near
@@ -177,7 +179,8 @@ def _is_plain(crown: Crown, prior: tuple[float, float]) -> bool:
     return seen and usual and crown.filled >= 0.2
 
 
-def _is_same(one: Crown, other: Crown) -> bool:
+def is_same(one: Crown, other: Crown) -> bool:
+    """True if two crowns are so near that they have to be one."""
     east, north = one.x - other.x, one.y - other.y
     return math.sqrt(east * east + north * north) < 0.8 * max(one.radius, other.radius)
 

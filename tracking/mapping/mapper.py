@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tracking.detection.detector import Frame
 from tracking.geometry.visibility import Tree
-from tracking.mapping.crowns import LARGEST, Crown, Window, find_crowns
+from tracking.mapping.crowns import LARGEST, Crown, Window, find_crowns, is_same
 from tracking.mapping.parallax import FINEST, STEEPEST, Evidence, View, compare, find_cell, view_of
 from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import exp
@@ -127,19 +127,23 @@ class ParallaxMapper:
             kept = [crown for crown in self._crowns if not _is_within(crown, low, high)]
             found = find_crowns(self._evidence, window, _WIDE) if not self._crowns else self._crowns
             found = find_crowns(self._evidence, window, _learn_radii(found))
-            self._crowns = kept + [crown for crown in found if _is_within(crown, low, high)]
+            found = [crown for crown in found if _is_within(crown, low, high)]
+            self._crowns = [crown for crown in kept if not any(is_same(crown, new) for new in found)] + found
             self._changed = None
         return tuple(_make_tree(crown) for crown in self._crowns)
 
     def ground(self) -> SeenGround:
-        """What was seen of the ground: open where frames show all heights up to the tallest crown over a cell."""
+        """What was seen of the ground: open where frames show nothing at any height up to the tallest crown.
+
+        What is high, but not a crown yet, counts as not seen.
+        """
         e = self._evidence
         if e is None:
             return SeenGround((0.0, 0.0), _CELL, np.zeros((0, 0), dtype=np.uint8))
         trees = [mapped.tree for mapped in self.trees()]
         tallest = max((tree.canopy_top for tree in trees), default=float(e.heights[1]))
         levels = int(np.searchsorted(e.heights, tallest)) + 1
-        states = np.where((e.counts[:levels] > 0).all(axis=0), OPEN, UNSEEN).astype(np.uint8)
+        states = np.where((e.counts[:levels] > 0).all(axis=0) & ~e.high, OPEN, UNSEEN).astype(np.uint8)
         rows, columns = states.shape
         east = e.corner[0] + (np.arange(columns) + 0.5) * e.cell
         north = e.corner[1] + (np.arange(rows) + 0.5) * e.cell
@@ -178,7 +182,7 @@ def _grow(evidence: Evidence | None, low: Array, high: Array, frame: Frame) -> E
         heights = _choose_heights(height)
         empty = np.zeros((len(heights), rows, columns), dtype=np.int32)
         east, north = (south_west * cell).tolist()
-        return Evidence(empty, empty.copy(), heights, (east, north), cell)
+        return Evidence(empty, empty.copy(), heights, (east, north), cell, np.zeros((rows, columns), dtype=np.bool_))
     _, rows, columns = evidence.counts.shape
     first, last = find_cell(evidence, *low.tolist()), find_cell(evidence, *high.tolist())
     more, margin = math.ceil(_MARGIN / evidence.cell), range(2)
@@ -188,7 +192,12 @@ def _grow(evidence: Evidence | None, low: Array, high: Array, frame: Frame) -> E
         return evidence
     widths = [(0, 0), (before[0], after[0]), (before[1], after[1])]
     corner = evidence.corner[0] - before[1] * evidence.cell, evidence.corner[1] - before[0] * evidence.cell
-    return evidence._replace(sums=np.pad(evidence.sums, widths), counts=np.pad(evidence.counts, widths), corner=corner)
+    return evidence._replace(
+        sums=np.pad(evidence.sums, widths),
+        counts=np.pad(evidence.counts, widths),
+        corner=corner,
+        high=np.pad(evidence.high, widths[1:]),
+    )
 
 
 def _choose_heights(altitude: float) -> Array:

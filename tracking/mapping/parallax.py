@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tracking.detection.detector import Frame
 from tracking.geometry.lens import Lens, Optics, pixel_ray, plane_pixel
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
 
 STEEPEST = 3.0  # metres along the ground per metre of height of rays that count
@@ -43,6 +43,7 @@ class Evidence(NamedTuple):
     heights: Array  # (K,) m
     corner: tuple[float, float]  # m, the south-western one
     cell: float  # m, edge of a cell
+    high: Flags  # (rows, columns): cells that were taken to be high when edges were looked for last
 
 
 @inlined

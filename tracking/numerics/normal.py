@@ -52,6 +52,19 @@ def normal_cdf(x: float) -> float:
     return 1.0 - tail if x > 0.0 else tail
 
 
+@inlined
+def rough_normal_cdf(x: float) -> float:
+    """As `normal_cdf_each`, of one number, to an absolute error of 2.5e-4, in a quarter of the time.
+
+    Source: M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions, 1964, 26.2.18.
+    """
+    z = abs(x)
+    root = 1.0 + z * (0.196854 + z * (0.115194 + z * (0.000344 + z * 0.019527)))
+    square = root * root
+    tail = 0.5 / (square * square)
+    return 1.0 - tail if x > 0.0 else tail
+
+
 @elementwise
 @compiled
 def normal_cdf_each(x: Array) -> Array:

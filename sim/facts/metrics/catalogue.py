@@ -366,6 +366,9 @@ _ENTRIES: dict[str, Metric] = {
     "network.plans.bytes_total": _make_sent(
         "plans sent by all UAVs", count_plan_bytes, np.sum, "kB", "bytes of plans that all UAVs send"
     ),
+    "network.maps.bytes_total": _make_sent(
+        "maps sent by all UAVs", lambda r: r.map_bytes, np.sum, "kB", "bytes of maps of trees that all UAVs send"
+    ),
     "network.plans.rounds": _of_flight(
         "rounds of plans", _count_plan_rounds, digits=0, meaning="rounds in which plans are sent at a decision"
     ),

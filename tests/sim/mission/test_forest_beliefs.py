@@ -38,6 +38,9 @@ class Learns:
         self.scans += 1
         self.frames += frames
 
+    def share(self, time, links, working, relay):
+        return None
+
     def believed(self, uav):
         return self.learned if uav == 0 and self.scans > self.change else self.given
 

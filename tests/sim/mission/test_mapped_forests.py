@@ -46,6 +46,7 @@ def test_a_tree_that_no_camera_has_seen_changes_no_belief_plan_or_message(flown)
         "track_covariances",
         "plans",
         "bytes_sent",
+        "map_bytes",
     ):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 

@@ -1,0 +1,137 @@
+"""One map of trees from those that several UAVs made, each of frames of its own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tracking.geometry.line_of_sight import Raster
+from tracking.geometry.visibility import Tree
+from tracking.mapping.mapper import MappedTree
+from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.assignment import pairs_within
+from tracking.numerics.distances import length
+from tracking.numerics.factorisation import inverses
+
+_GATE = 16.3  # squared Mahalanobis distance of place and radius, which one tree exceeds with probability 0.001
+_NEAR = 0.5  # of the smaller radius: centres that are nearer are those of one tree, as two cannot stand there
+_OVERLOOKED = 0.02  # probability that a map has open ground where a tree stands
+_LIKELY = 0.5  # existence of trees that are believed
+_NUMBERS = 15  # of a tree, eight bytes each: five sizes, covariances (6 and 2), existence and rim
+
+
+@dataclass(frozen=True, eq=False)
+class TreeMap:
+    """Trees that a UAV mapped, and the ground that it saw.
+
+    Attributes:
+        trees: the trees.
+        ground: 1 where open, 0 below crowns, NaN where not yet seen, in the cells of a raster.
+    """
+
+    trees: tuple[MappedTree, ...]
+    ground: Raster
+
+    @property
+    def size(self) -> int:
+        """Bytes of a message with it; four cells of the ground share a byte."""
+        return 8 * _NUMBERS * len(self.trees) + (self.ground.values.size + 3) // 4
+
+
+def fuse_maps(maps: Sequence[TreeMap]) -> TreeMap:
+    """Fuse the maps of UAVs, one each, on one raster; the same maps in the same order give the same result.
+
+    Errors of different UAVs are taken to be independent, so trees that are one are fused by their information. The odds
+    that a tree exists are multiplied over the maps that have it, and lowered by those that have open ground there.
+    Ground is open if one map has it open. What all maps but one had at first is in the result once, because each map is
+    of its own UAV's frames alone: there is no double counting, however often maps are sent.
+    """
+    trees, ground = list(maps[0].trees), maps[0].ground
+    for other in maps[1:]:
+        pairs = _pair(trees, other.trees)
+        joined = {b: _join(trees[a], other.trees[b]) for a, b in pairs}
+        alone = {a for a in range(len(trees))} - {a for a, _ in pairs}
+        trees = [
+            *(_doubt(trees[a], other.ground) for a in sorted(alone)),
+            *(joined[b] if b in joined else _doubt(tree, ground) for b, tree in enumerate(other.trees)),
+        ]
+        values, new = ground.values, other.ground.values
+        ground = ground._replace(values=np.where(np.isnan(values), new, np.fmax(values, new)))
+    trees = [tree for tree in trees if tree.existence >= _LIKELY]
+    values = ground.values.copy()
+    for tree in trees:
+        values[_below(tree.tree, ground)] = 0.0
+    return TreeMap(tuple(trees), ground._replace(values=values))
+
+
+def _list_sizes(trees: Sequence[MappedTree]) -> Array:
+    """Rows (N, 5) of x, y, crown radius, base and top [m]."""
+    rows = [(t.tree.x, t.tree.y, t.tree.canopy_radius, t.tree.canopy_base, t.tree.canopy_top) for t in trees]
+    return np.array(rows, dtype=float).reshape(-1, 5)
+
+
+def _pair(ours: Sequence[MappedTree], others: Sequence[MappedTree]) -> list[tuple[int, int]]:
+    """Pairs of trees of two maps that are one tree."""
+    if not ours or not others:
+        return []
+    one, other = _list_sizes(ours), _list_sizes(others)
+    gaps = length(one[:, None, :2] - other[None, :, :2])
+    near = gaps < _NEAR * np.minimum(one[:, None, 2], other[None, :, 2])
+    near |= _find_distances(ours, others) <= _GATE
+    return pairs_within(np.where(near, gaps, np.inf), float(gaps.max()) + 1.0)
+
+
+def _find_distances(ours: Sequence[MappedTree], others: Sequence[MappedTree]) -> Array:
+    """Squared Mahalanobis distances (N, M) of places and radii."""
+    one, other = (_list_sizes(trees)[:, :3] for trees in (ours, others))
+    own, theirs = (np.array([tree.covariance[:3, :3] for tree in trees]) for trees in (ours, others))
+    inverse = inverses((own[:, None] + theirs[None]).reshape(-1, 3, 3)).reshape(len(ours), len(others), 3, 3)
+    gaps = one[:, None] - other[None]
+    distances = np.zeros(gaps.shape[:2])
+    for p in range(3):
+        for q in range(3):
+            distances += gaps[..., p] * inverse[..., p, q] * gaps[..., q]
+    return distances
+
+
+def _join(one: MappedTree, other: MappedTree) -> MappedTree:
+    """One tree of two that are the same; if they contradict each other, what the one with the longer rim says."""
+    odds = _find_odds(one) * _find_odds(other)
+    longer = max(one, other, key=lambda tree: tree.rim * tree.tree.canopy_radius)
+    existence = odds / (1.0 + odds)
+    if float(_find_distances([one], [other])[0, 0]) > _GATE:
+        return replace(longer, existence=existence)
+    ours, theirs = inverses(np.stack([one.covariance, other.covariance]))
+    covariance = inverses((ours + theirs)[None])[0]
+    (own, told), fused = _list_sizes([one, other]), np.zeros(5)
+    for p in range(5):
+        for q in range(5):
+            for r in range(5):
+                fused[p] += covariance[p, q] * (ours[q, r] * own[r] + theirs[q, r] * told[r])
+    x, y, radius, base, top = fused.tolist()
+    tree = replace(
+        one.tree, x=x, y=y, canopy_radius=max(radius, 0.1), canopy_base=max(min(base, top), 0.0), canopy_top=top
+    )
+    return MappedTree(tree, covariance, existence, longer.rim)
+
+
+def _find_odds(tree: MappedTree) -> float:
+    return tree.existence / max(1.0 - tree.existence, 1e-12)
+
+
+def _doubt(tree: MappedTree, ground: Raster) -> MappedTree:
+    """A tree as one knows it who saw the ground, but not the tree: less likely if most of its place is open."""
+    values = ground.values[_below(tree.tree, ground)]
+    if len(values) == 0 or np.count_nonzero(values == 1.0) <= 0.5 * len(values):
+        return tree
+    odds = _OVERLOOKED * _find_odds(tree)
+    return replace(tree, existence=odds / (1.0 + odds))
+
+
+def _below(tree: Tree, ground: Raster) -> Flags:
+    """Mask of the cells below a crown."""
+    rows, columns = ground.values.shape
+    (west, south), (width, height) = ground.low, ground.cell
+    east = west + (np.arange(columns) + 0.5) * width - tree.x
+    north = south + (np.arange(rows) + 0.5) * height - tree.y
+    return np.asarray(np.square(east) + np.square(north)[:, None] <= tree.canopy_radius * tree.canopy_radius)
