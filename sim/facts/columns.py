@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.facts.event import Event, find_ends
+from sim.facts.metrics.mapping_score import compare_map
 from sim.facts.metrics.score import estimate_velocities
 from sim.facts.people import PeopleFacts
 from sim.facts.sightings import STATES
@@ -17,14 +18,14 @@ from tracking.errors import InputError
 
 Column = NDArray[Any]
 Columns = dict[str, Column]
-TABLES = ("people", "uavs", "sightings", "measurements", "tracks", "ospa", "plans", "trees", "losses", "events")
+TABLES = ("people", "uavs", "sightings", "measurements", "tracks", "ospa", "plans", "trees", "maps", "losses", "events")
 
 
 def make_columns(name: str, facts: PeopleFacts) -> Columns:
     """The columns of any table of `TABLES` but `events`, for which see `make_event_columns`."""
     of_people = {"people": _list_people, "sightings": _list_sightings, "losses": _list_losses}
     plain = {"uavs": _list_uavs, "measurements": _list_measurements, "tracks": _list_tracks}
-    plain |= {"ospa": _list_ospa, "plans": _list_plans, "trees": _list_trees}
+    plain |= {"ospa": _list_ospa, "plans": _list_plans, "trees": _list_trees, "maps": _list_maps}
     return of_people[name](facts) if name in of_people else plain[name](facts.recording)
 
 
@@ -56,6 +57,23 @@ def _list_sightings(facts: PeopleFacts) -> Columns:
         "visible_px": r.visible[k, i, m],
         "detected": facts.detected[k, i, m],
         "held_by_track": r.numbers_of(facts.tracks[k, i, m]),
+    }
+
+
+def _list_maps(r: Recording) -> Columns:
+    """A row for each map that a UAV began to believe; none if all were given one."""
+    cells = [] if r.maps is None else np.argwhere(np.diff(r.maps, axis=0, prepend=-1)).tolist()
+    k, i = np.array(cells, dtype=np.int64).reshape(-1, 2).T
+    scores = [compare_map(r.believed_at(*cell), r.forest) for cell in cells]
+    return {
+        "time_s": r.times[k],
+        "uav": i,
+        **{
+            f"trees_{name}": np.array([getattr(score, name) for score in scores], dtype=np.int64)
+            for name in ("seen", "found", "mapped")
+        },
+        "trees_true": np.array([len(score.distances) for score in scores], dtype=np.int64),
+        "error_m": np.array([score.error for score in scores], dtype=float),
     }
 
 

@@ -132,7 +132,7 @@ def _divide_maps(outcome: Outcome, of: Callable[[MappingScore], tuple[int, int]]
 
 def _measure_map_error(outcome: Outcome) -> float | None:
     maps = compare_maps(outcome.recording)
-    return math.sqrt(mean(maps.distances**2) or 0.0) if maps and len(maps.distances) else None
+    return maps.error if maps and len(maps.distances) else None
 
 
 def _divide(part: np.generic, whole: np.generic) -> float | None:
@@ -325,7 +325,8 @@ _ENTRIES: dict[str, Metric] = {
     "map.recall": _make_share(
         "seen trees mapped",
         lambda o: _divide_maps(o, lambda maps: (maps.found, maps.seen)),
-        "share of the trees whose middle a UAV has seen that are on its map at the end, over all UAVs",
+        "share of the trees that are on the map of a UAV at the end, of those whose middle it knows to be below no "
+        "tree that it has not seen, over all UAVs",
         judges=False,
     ),
     "map.false_share": _make_share(

@@ -1,11 +1,12 @@
 """Errors of the maps of trees that UAVs made, at the end of a mission."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from sim.mission.recording import Recording
-from tracking.geometry.line_of_sight import Raster, value_at
+from tracking.geometry.line_of_sight import value_at
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import pairs_within
@@ -13,12 +14,17 @@ from tracking.numerics.distances import length
 
 
 class MappingScore(NamedTuple):
-    """Errors of the last maps of all UAVs, summed over UAVs."""
+    """Errors of a map, or of several, of which numbers are summed."""
 
-    seen: int  # true trees whose middle is on ground that the UAV has seen
+    seen: int  # true trees whose middle cannot be below an unknown tree, as far as the UAV believes
     found: int  # of these, mapped trees
     mapped: int  # trees on maps
     distances: Array  # (D,) m, from the middle of each mapped tree that is a true one to the true middle
+
+    @property
+    def error(self) -> float:
+        """Root mean square of the distances [m]; NaN without any."""
+        return math.sqrt(np.mean(np.square(self.distances))) if len(self.distances) else math.nan
 
 
 def compare_maps(recording: Recording) -> MappingScore | None:
@@ -29,17 +35,16 @@ def compare_maps(recording: Recording) -> MappingScore | None:
     if recording.maps is None:
         return None
     last = recording.scan_count - 1
-    return _add([_compare(recording.believed_at(last, i), recording.forest) for i in range(recording.uav_count)])
+    return _add([compare_map(recording.believed_at(last, i), recording.forest) for i in range(recording.uav_count)])
 
 
-def _compare(believed: Forest, true: Forest) -> MappingScore:
-    """Errors of one map."""
+def compare_map(believed: Forest, true: Forest) -> MappingScore:
+    """Compare one map with the true trees."""
     own, exact = (np.array([(tree.x, tree.y) for tree in forest.trees]).reshape(-1, 2) for forest in (believed, true))
     gaps = length(own[:, None] - exact[None])
     radii = np.array([tree.canopy_radius for tree in true.trees])
     pairs = pairs_within(np.where(gaps < radii, gaps, np.inf), float(radii.max(initial=0.0)))
-    unknown = believed.unknown
-    seen = [not isinstance(unknown, Raster) or value_at(unknown, *place) == 0.0 for place in exact.tolist()]
+    seen = [value_at(believed.unknown_around, *place) == 0.0 for place in exact.tolist()]
     found = sum(seen[b] for _, b in pairs)
     return MappingScore(sum(seen), found, len(own), np.array([gaps[pair] for pair in pairs]))
 

@@ -110,12 +110,28 @@ def test_the_page_has_the_map_of_each_uav_at_each_scan(flown):
         assert area.sum() == pytest.approx(cell * np.count_nonzero(believed.unknown.values), rel=0.01)
 
 
+def test_a_table_tells_how_good_each_map_was(flown):
+    _, recording = flown[0]
+    table = Flight(recording).columns("maps")
+    assert table["time_s"].tolist() == sorted(table["time_s"]) and table["trees_mapped"][:3].tolist() == [0, 0, 0]
+    for uav in range(3):
+        rows = table["uav"] == uav
+        assert rows.sum() == len(np.unique(recording.maps[:, uav]))
+        believed = recording.believed_at(recording.scan_count - 1, uav)
+        assert table["trees_mapped"][rows][-1] == len(believed.trees)
+        gaps = sorted(min(np.hypot(tree.x - x, tree.y - y) for x, y in STEMS) for tree in believed.trees)
+        gaps = gaps[: table["trees_true"][rows][-1]]  # without those that are none
+        assert len(gaps) >= len(believed.trees) - 1
+        assert table["error_m"][rows][-1] == pytest.approx(np.sqrt(np.mean(np.square(gaps))))
+
+
 @pytest.mark.parametrize(
     ("overrides", "line"),
     [
         (["mapping.forest=mapped", "sensing.mode=ideal"], 'mapping.forest: "mapped" needs images'),
         (["mapping.forest=none", "believed.tree_shift=1"], 'allowed with mapping.forest "known" only'),
         (["mapping.forest=maped"], "mapping.forest"),
+        (["mapping.share=false"], 'mapping.share: false is allowed with mapping.forest "mapped" only'),
     ],
 )
 def test_maps_that_cannot_be_made_are_refused_in_one_line(overrides, line):

@@ -15,7 +15,7 @@ TRUE = Forest((Tree(0.0, 0.0, 3.0), Tree(7.0, 0.0, 3.0), Tree(-15.0, 0.0, 3.0), 
 UNSEEN = Raster.over((40.0, 20.0), np.array([[0.5, 0.0, 0.0, 0.0]]))  # the west, where the third tree stands
 # One tree is there twice, one is off by 0.5 m, one is none, and one is off by more than the crown's radius.
 FIRST = Forest((Tree(1.0, 0.0), Tree(0.0, 0.2), Tree(7.3, 0.4), Tree(0.0, 8.0), Tree(15.0, 7.5)), unknown=UNSEEN)
-SECOND = Forest((), unknown=Raster.over((40.0, 20.0), np.ones((1, 4))))
+SECOND = Forest((), unknown=Raster.over((40.0, 20.0), np.ones((1, 4))), unknown_tree=Tree(0.0, 0.0))
 
 
 def recorded(*maps):
