@@ -64,6 +64,7 @@ IMAGE_DETECTIONS = Topic("/uav{}/camera/detections", IN_IMAGE)
 DETECTIONS = Topic("/uav{}/detections", ON_GROUND)
 TRACKS = Topic("/uav{}/tracks", ON_GROUND)
 UAV_MARKERS = Topic("/uav{}/markers", MARKERS)
+MAP = Topic("/uav{}/forest", MARKERS, latched=True)
 
 
 def count_nanoseconds(time: float) -> int:

@@ -14,7 +14,7 @@ import numpy as np
 from sim.exchange import ros_bag as ros
 from sim.exchange.csv_files import write_map_and_settings, write_truth
 from sim.exchange.ros_flight import flip
-from sim.exchange.ros_scene import LEVEL, WORLD, draw_forest, draw_people, draw_uav, head, stamp
+from sim.exchange.ros_scene import LEVEL, WORLD, draw_forest, draw_map, draw_people, draw_uav, head, stamp
 from sim.facts.event import Event
 from sim.facts.flight import Flight
 from sim.facts.metrics.holding import FAR
@@ -107,6 +107,8 @@ def _write_bag(recording: Recording, folder: Path, images: str, *, truth: bool) 
                 if i in snapshot.working:
                     _write_tracks(bag, snapshot, i, recording.track_numbers)
                 bag.write(ros.UAV_MARKERS, time, draw_uav(time, uav), i)
+                if recording.new_maps[k, i]:
+                    bag.write(ros.MAP, time, draw_map(time, uav, recording.believed_at(k, i)), i)
             if truth and recording.labelled:
                 bag.write(ros.PEOPLE, time, draw_people(scene))
                 _write_errors(bag, snapshot)

@@ -6,16 +6,17 @@ from typing import Any, NamedTuple
 
 from sim.exchange.ros_bag import RosMessage, count_nanoseconds
 from sim.mission.recording import Recording
-from sim.views.palette import DETECTION, FAINT, PANEL, Colour, lighten
-from sim.views.scene import Scene, UavMark, find_half_axes, mark_trees
+from sim.views.palette import DETECTION, FAINT, PANEL, TRUNK, Colour, lighten
+from sim.views.scene import Scene, UavMark, find_half_axes, list_unseen_ground, mark_trees
 from tracking.geometry.person import PERSON_HEIGHT, PERSON_SIZE, TARGET_HEIGHT
 from tracking.geometry.quaternions import level_attitude
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 Place = tuple[float, float, float]  # m
 WORLD = "map"  # the frame of REP 105, with x to the east, y to the north and z up
 LEVEL = level_attitude(0.0)
-_CYLINDER, _LINE_STRIP, _LINE_LIST, _TEXT = 3, 4, 5, 9  # types of markers
+_BOX, _CYLINDER, _LINE_STRIP, _LINE_LIST, _TEXT = 1, 3, 4, 5, 9  # types of markers
 _DELETE_ALL = 3  # action of a marker
 _SEE_THROUGH = 0.6  # opacity of opaque canopies
 _LETTERS = 1.5  # m, height of names
@@ -50,6 +51,19 @@ def draw_forest(recording: Recording) -> RosMessage:
         kind, opacity = ("canopies", _SEE_THROUGH * s.cover) if is_crown else ("trunks", 1.0)
         size = (2 * s.radius, 2 * s.radius, s.top - s.bottom)
         found.append(_draw_cylinder(0.0, _Ink(kind, tree, colour, opacity), (s.x, s.y, (s.bottom + s.top) / 2), size))
+    return {"markers": found}
+
+
+def draw_map(time: float, uav: UavMark, believed: Forest) -> RosMessage:
+    """The crowns that a UAV has mapped, and the ground that it has not seen."""
+    found = [_clear(time)]
+    for n, (x, y, radius, low, high, _) in enumerate(believed.canopies.tolist()):
+        ink = _Ink("mapped", n, uav.colour, _SEE_THROUGH / 2)
+        found.append(_draw_cylinder(time, ink, (x, y, (low + high) / 2), (2 * radius, 2 * radius, high - low)))
+    for n, (west, south, east, north) in enumerate(list_unseen_ground(believed).tolist()):
+        size, ink = (east - west, north - south, 0.02), _Ink("unseen", n, TRUNK, _SEE_THROUGH / 2)
+        middle = ((west + east) / 2, (south + north) / 2, 0.0)
+        found.append({**_begin(time, ink, _BOX), "pose": (middle, LEVEL), "scale": size})
     return {"markers": found}
 
 

@@ -62,9 +62,8 @@ def _list_sightings(facts: PeopleFacts) -> Columns:
 
 def _list_maps(r: Recording) -> Columns:
     """A row for each map that a UAV began to believe; none if all were given one."""
-    cells = [] if r.maps is None else np.argwhere(np.diff(r.maps, axis=0, prepend=-1)).tolist()
-    k, i = np.array(cells, dtype=np.int64).reshape(-1, 2).T
-    scores = [compare_map(r.believed_at(*cell), r.forest) for cell in cells]
+    k, i = np.nonzero(r.new_maps)
+    scores = [compare_map(r.believed_at(*cell), r.forest) for cell in zip(k.tolist(), i.tolist(), strict=True)]
     return {
         "time_s": r.times[k],
         "uav": i,

@@ -182,6 +182,13 @@ class Recording:
         """What one UAV, with its detector, tracker and planner, believed of the forest at scan k."""
         return self.believed_forest if self.maps is None else self._maps[int(self.maps[k, uav])]
 
+    @property
+    def new_maps(self) -> Flags:
+        """Mask (K, n) of the scans at which a UAV began to believe another map; none if all were given one."""
+        if self.maps is None:
+            return np.zeros((self.scan_count, self.uav_count), dtype=np.bool_)
+        return np.asarray(np.diff(self.maps, axis=0, prepend=-1) != 0)
+
     @cached_property
     def _maps(self) -> list[Forest]:
         assert self.map_sizes is not None and self.map_trees is not None and self.map_unknown is not None

@@ -16,10 +16,11 @@ from sim.facts.metrics.summary import format_recording_title
 from sim.facts.rerender import Rerenderer
 from sim.mission.atomic_files import write_whole
 from sim.mission.recording import Recording
-from sim.views.palette import DETECTION, FAINT, PANEL, Colour, lighten, uav_colour
-from sim.views.scene import Scene, UavMark, make_scenes, mark_trees, outline_ellipse
+from sim.views.palette import DETECTION, FAINT, PANEL, TRUNK, Colour, lighten, uav_colour
+from sim.views.scene import Scene, UavMark, list_unseen_ground, make_scenes, mark_trees, outline_ellipse
 from tracking.errors import InputError, one_line
 from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Image
 
 _SEE_THROUGH = 150  # opacity of canopies, of 255
@@ -77,6 +78,8 @@ def _fill(stream: rr.RecordingStream, flight: Flight, progress: Callable[[int], 
             _log_people(stream, scene)
             for uav in scene.uavs:
                 _log_uav(stream, uav)
+                if recording.new_maps[k, uav.number]:
+                    _log_map(stream, uav, recording.believed_at(k, uav.number))
                 if recording.frames_taken[k, uav.number]:
                     _log_frame(stream, uav, again.image(k, uav.number))
             progress(k)
@@ -134,6 +137,20 @@ def _log_uav(stream: rr.RecordingStream, uav: UavMark) -> None:
     names = [track.name for track in uav.tracks]
     ellipses = rr.LineStrips3D([np.vstack([r, r[:1]]) for r in rings], colors=colours, labels=names, radii=0.08)
     stream.log(f"world/tracks/{i}", ellipses)
+
+
+def _log_map(stream: rr.RecordingStream, uav: UavMark, believed: Forest) -> None:
+    """Log the outlines of the crowns that a UAV has mapped, and the ground that it has not seen."""
+    crowns = believed.canopies
+    middles = np.column_stack([crowns[:, :2], crowns[:, 3:5].mean(axis=1)])
+    outlines = rr.Cylinders3D(
+        lengths=crowns[:, 4] - crowns[:, 3], radii=crowns[:, 2], centers=middles, colors=[uav.colour], line_radii=0.08
+    )
+    stream.log(f"world/maps/{uav.number}/crowns", outlines)
+    strips = list_unseen_ground(believed)
+    middles, half = (strips[:, :2] + strips[:, 2:]) / 2, (strips[:, 2:] - strips[:, :2]) / 2
+    unseen = rr.Boxes3D(centers=_lift(middles, 0.0), half_sizes=_lift(half, 0.01), colors=[(*TRUNK, _SEE_THROUGH // 2)])
+    stream.log(f"world/maps/{uav.number}/unseen", unseen)
 
 
 def _log_frame(stream: rr.RecordingStream, uav: UavMark, image: Image) -> None:

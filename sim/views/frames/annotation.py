@@ -13,7 +13,7 @@ from sim.views.drawing.lettering import TextStyle, write
 from sim.views.drawing.marks import draw_cross, draw_detection
 from sim.views.drawing.strokes import SHIFT, draw_disc, draw_line, draw_outline, to_fixed_point
 from sim.views.frames.frame_facts import FrameFacts, outline_cylinder, outline_hidden_ground
-from sim.views.palette import DETECTION, INK, PANEL, Colour, track_colour
+from sim.views.palette import DETECTION, INK, PANEL, TRUNK, Colour, track_colour
 from sim.views.scene import looks_down, outline_ellipse
 from tracking.geometry.person import PERSON_HEIGHT, PERSON_RADIUS
 from tracking.geometry.visibility import at_target_height
@@ -78,6 +78,8 @@ class _Overlay:
         with self._drawing(_HIDING_RIM):
             for tree in hiding:
                 _draw_rim(self._image, self._outlines[tree], hiding=True)
+        with self._drawing(_MAPPED):
+            self._draw_mapped()
         with self._drawing(_TRUTH):
             for sighting in people:
                 outline = self._person(sighting)
@@ -117,6 +119,14 @@ class _Overlay:
             for k in finite:
                 _draw_measurement(self._image, rings[k][0], rings[k][1:])
                 self._labels.reserve(rings[k][0], 8.0)
+
+    def _draw_mapped(self) -> None:
+        sight = self._sight
+        for tree in sight.mapped.trees if sight.mapped else ():
+            crown = np.array([tree.x, tree.y, tree.canopy_radius, tree.canopy_base, tree.canopy_top])
+            outline = self._scale * outline_cylinder(sight.believed_camera, sight.believed, crown)
+            if len(outline):
+                _draw_mapped_crown(self._image, outline)
 
     def _draw_tracks(self) -> None:
         for track in self._sight.tracks:
@@ -187,6 +197,16 @@ def _draw_measurement(image: Image, at: Array, ring: Array) -> None:
     draw_disc(image, at, 2.5, DETECTION)
 
 
+def _draw_mapped_crown(image: Image, outline: Array) -> None:
+    """Draw the mark of a crown that the UAV has mapped: its outline, pixels (N, 2), in dashes."""
+    ring = np.vstack([outline, outline[:1]])
+    far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(ring, axis=0).T))])
+    for start in np.arange(0.0, far[-1], 14.0):
+        at = np.linspace(start, min(start + 8.0, far[-1]), 3)
+        dash = np.column_stack([np.interp(at, far, ring[:, axis]) for axis in range(2)])
+        draw_outline(image, dash, TRUNK, PANEL)
+
+
 def _draw_track(image: Image, at: Array, ring: Array, colour: Colour) -> None:
     """Draw the mark of a track at a pixel (2,) with its 95 % ellipse, pixels (N, 2)."""
     draw_outline(image, ring, colour, PANEL, closed=True)
@@ -216,11 +236,13 @@ def _draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> N
 _SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
 _DETECTION, _MEASUREMENT, TRACK = "detection", "measurement, 95 % ellipse", "track, 95 % ellipse"
 _TRUTH, _RIM, _HIDING_RIM = "truth: person", "rim of what trees hide", "tree that hides a person"
+_MAPPED = "crown on the UAV's map"
 _MARKS: dict[str, Mark] = {
     _DETECTION: lambda image, at: draw_detection(image, at, 10.0),
     _MEASUREMENT: lambda image, at: _draw_measurement(image, at, outline_ellipse(at, np.diag([50.0, 20.0]))),
     TRACK: lambda image, at: _draw_track(image, at, outline_ellipse(at, np.diag([50.0, 25.0])), track_colour(0)),
     _TRUTH: lambda image, at: _draw_truth(image, outline_ellipse(at, np.diag([20.0, 20.0]))),
+    _MAPPED: lambda image, at: _draw_mapped_crown(image, outline_ellipse(at, np.diag([20.0, 20.0]))),
     _RIM: lambda image, at: _draw_rim(image, [at + 9.0 * _SQUARE]),
     _HIDING_RIM: lambda image, at: _draw_rim(image, [at + 7.0 * _SQUARE], hiding=True),
 }

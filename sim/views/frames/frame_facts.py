@@ -30,6 +30,7 @@ class FrameFacts:
     believed_camera: Camera
     believed: Pose
     forest: Forest
+    mapped: Forest | None  # what the UAV believes of the forest, if UAVs map trees themselves
     people: tuple[Sighting, ...]
     detections: tuple[DetectionMark, ...]
     tracks: tuple[TrackMark, ...]
@@ -49,6 +50,7 @@ def make_frame_facts(recording: Recording, k: int, uav: int) -> FrameFacts:
         believed_camera=own.believed_camera,
         believed=recording.believed_camera_at(k, uav),
         forest=recording.hiding_forest,
+        mapped=None if recording.maps is None else recording.believed_at(k, uav),
         people=people,
         detections=mark_detections(recording.scan_at(k, uav), recording.pixels_at(k, uav)),
         tracks=mark_tracks(recording.tracks_at(k, uav), recording.track_numbers),

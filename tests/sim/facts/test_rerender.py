@@ -53,7 +53,7 @@ def scene(*, tracks=(), trees=(), pose=None):
     setting = synthetic.scenario(uavs=1)
     trees, pose = Forest(tuple(trees)), pose or Pose.level(0.0, 0.0, setting.uavs[0].altitude)
     uav, marks = setting.uavs[0], [mark_track(track, track.id) for track in tracks]
-    return FrameFacts(0, 0.0, uav.true_camera, pose, uav.believed_camera, pose, trees, (), (), tuple(marks))
+    return FrameFacts(0, 0.0, uav.true_camera, pose, uav.believed_camera, pose, trees, None, (), (), tuple(marks))
 
 
 def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():

@@ -1,12 +1,18 @@
 """UAVs that map the trees in their own frames, and know of no other."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from helpers.flights import fly, recording_of
+from helpers.rerun_files import tables
 
+from sim.exchange.export import export
 from sim.facts.flight import Flight
 from sim.scenario.loading import load_scenario
 from sim.views.drawing.map_view import MapView
+from sim.views.frames.annotation import annotate
+from sim.views.frames.frame_facts import make_frame_facts
 from sim.views.page.data import make_page_data
 from sim.views.scene import list_unseen_ground, make_scene
 from tracking.errors import InputError
@@ -108,6 +114,61 @@ def test_the_page_has_the_map_of_each_uav_at_each_scan(flown):
         area = (strips[:, 2] - strips[:, 0]) * (strips[:, 3] - strips[:, 1])
         cell = np.prod(believed.unknown.cell)
         assert area.sum() == pytest.approx(cell * np.count_nonzero(believed.unknown.values), rel=0.01)
+
+
+def test_a_frame_outlines_the_crowns_on_the_map_of_its_uav_and_no_other(flown):
+    _, recording = flown[0]
+    last = recording.scan_count - 1
+    sight = make_frame_facts(recording, last, 1)
+    assert sight.mapped.trees == recording.believed_at(last, 1).trees
+    frame = np.full((128, 128, 3), 90, np.uint8)
+    (drawn, names), (plain, others) = (
+        annotate(frame, s, 1024) for s in (sight, dataclasses.replace(sight, mapped=None))
+    )
+    assert names - others == {"crown on the UAV's map"}
+    changed = np.any(drawn != plain, axis=2)
+    near = np.zeros_like(changed)
+    for tree in sight.mapped.trees:
+        rim = (tree.x, tree.y) + tree.canopy_radius * TURN
+        for height in (tree.canopy_base, tree.canopy_top):
+            pixels = 8 * sight.camera.project(sight.pose, np.column_stack([rim, np.full(len(rim), height)]))[0]
+            for u, v in pixels[np.all((pixels > 0) & (pixels < 1024), axis=1)].astype(int):
+                near[max(v - 60, 0) : v + 60, max(u - 60, 0) : u + 60] = True
+    assert changed.sum() > 500 and not (changed & ~near).any()
+
+
+def test_rerun_and_the_bag_have_the_map_of_each_uav_whenever_it_changes(flown, tmp_path):
+    pytest.importorskip("rerun")
+    pytest.importorskip("rosbags")
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+    from rerun.chunk import RrdReader
+
+    from sim.views import rerun_viewer
+
+    _, recording = flown[0]
+    rerun_viewer.write(Flight(recording), tmp_path / "a.rrd", progress=lambda k: None)
+    entities = tables(RrdReader(tmp_path / "a.rrd").stream())
+    export(recording, "rosbag", tmp_path / "out")
+    markers = {uav: [] for uav in range(3)}
+    with (tmp_path / "out" / "bag" / "bag.mcap").open("rb") as file:
+        topics = [f"/uav{uav}/forest" for uav in markers]
+        for _, channel, _, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(
+            topics
+        ):
+            markers[topics.index(channel.topic)].append(decoded.markers)
+    for uav, sent in markers.items():
+        scans = np.flatnonzero(recording.new_maps[:, uav])
+        logged = [row["centers"] for row in entities[f"/world/maps/{uav}/crowns"]]
+        assert len(sent) == len(logged) == len(scans) > 3
+        for k, content, places in zip(scans, sent, logged, strict=True):
+            believed = recording.believed_at(k, uav)
+            expected = np.reshape([(t.x, t.y, (t.canopy_base + t.canopy_top) / 2) for t in believed.trees], (-1, 3))
+            crowns = [m.pose.position for m in content if m.ns == "mapped"]
+            np.testing.assert_allclose(np.reshape([(p.x, p.y, p.z) for p in crowns], (-1, 3)), expected)
+            np.testing.assert_allclose(np.reshape(places or [], (-1, 3)), expected, rtol=1e-5)
+            ground = sum(m.scale.x * m.scale.y for m in content if m.ns == "unseen")
+            assert ground == pytest.approx(np.prod(believed.unknown.cell) * np.count_nonzero(believed.unknown.values))
 
 
 def test_a_table_tells_how_good_each_map_was(flown):
