@@ -31,7 +31,10 @@ KINDS = (
     "identity transfer",  # a track passes to a person who had none before
     *UNHELD,
     "person found",
+    "person left",  # the area
+    "person came",  # into the area, perhaps again
     "hand-off",  # another UAV detects a person than the one that did last
+    "tree met",  # by a UAV that has it on its map from others
     "track held",  # by any UAV, where people are unknown
     "false track",
     "duplicate track",

@@ -1,5 +1,6 @@
 """The search for the events of a recorded mission, for the page, the timeline, `understory explain` and Rerun."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from itertools import permutations
@@ -10,6 +11,7 @@ import numpy as np
 from sim.facts.event import KINDS, Event, find_ends, make_lasting_event
 from sim.facts.metrics.fleet_facts import find_handoffs, list_contacts
 from sim.facts.metrics.holding import FAR, NO_TRACK, OUTSIDE, Unheld, find_episodes
+from sim.facts.metrics.trees_met import find_trees_met
 from sim.facts.metrics.unmatched import find_unmatched_tracks
 from sim.facts.people import PeopleFacts, describe_view, group_views
 from sim.facts.sightings import STATES, tell_fade
@@ -34,7 +36,9 @@ def find_events(facts: PeopleFacts) -> tuple[Event, ...]:
         *_find_identity_changes(facts),
         *_tell_unheld(facts),
         *_list_unmatched(recording),
+        *_list_visits(recording),
         *_list_handoffs(recording),
+        *_list_trees_met(recording),
     ]
     return tuple(sorted(found, key=lambda event: (event.time, KINDS.index(event.kind))))
 
@@ -200,6 +204,28 @@ def _list_handoffs(recording: Recording) -> Iterator[Event]:
         text = f"person {person} passed from UAV {uavs[0]} to UAV {uavs[1]}"
         text += f", unseen for {unseen:.1f} s" if k > last + 1 else ""
         yield _note_at(recording, k, "hand-off", text, person=person, uavs=uavs[::-1])
+
+
+def _list_visits(recording: Recording) -> Iterator[Event]:
+    """People who leave the area or come into it after the start."""
+    for person, present in enumerate(recording.present.T):
+        left = math.nan  # s
+        for k in (np.flatnonzero(np.diff(present)) + 1).tolist():
+            time = float(recording.times[k])
+            if present[k]:
+                again = "" if math.isnan(left) else f" again after {time - left:.1f} s"
+                yield _note_at(recording, k, "person came", f"person {person} came{again}", person=person)
+            else:
+                left = time
+                yield _note_at(recording, k, "person left", f"person {person} left the area", person=person)
+
+
+def _list_trees_met(recording: Recording) -> Iterator[Event]:
+    """Trees that UAVs meet and have on their maps from others."""
+    for k, uav, tree, ahead in find_trees_met(recording):
+        if not math.isnan(ahead):
+            text = f"UAV {uav} came to tree {tree}, which it had from others for {ahead:.1f} s"
+            yield _note_at(recording, k, "tree met", text, uavs=(uav,))
 
 
 _MOST_CAUSES = 3

@@ -25,6 +25,7 @@ from sim.facts.metrics.holding import FAR
 from sim.facts.metrics.mapping_score import MappingScore, compare_maps
 from sim.facts.metrics.metric import Better, Computation, Metric, Outcome, mean
 from sim.facts.metrics.score import Score
+from sim.facts.metrics.trees_met import find_trees_met
 from sim.facts.metrics.unmatched import Unmatched
 from sim.mission.fault import BREAKDOWN, Fault
 from sim.mission.recorded_links import measure_ages
@@ -128,6 +129,11 @@ def _divide_maps(outcome: Outcome, of: Callable[[MappingScore], tuple[int, int]]
     """Ratio of two numbers of the UAVs' own maps; None if there are none."""
     maps = compare_maps(outcome.recording)
     return _divide(*map(np.int64, of(maps))) if maps else None
+
+
+def _share_known_ahead(outcome: Outcome) -> float | None:
+    met = find_trees_met(outcome.recording)
+    return 1.0 - float(np.mean(np.isnan([tree.ahead for tree in met]))) if met else None
 
 
 def _measure_map_error(outcome: Outcome) -> float | None:
@@ -341,6 +347,12 @@ _ENTRIES: dict[str, Metric] = {
         _measure_map_error,
         "m",
         meaning="root mean square of the distances of the other ones from the true places",
+    ),
+    "map.known_ahead": _make_share(
+        "trees known before they are seen",
+        _share_known_ahead,
+        "share of the trees that come into the view of a UAV that it has on its map by then, from other UAVs",
+        judges=False,
     ),
     "network.disagreement_m": _of_flight(
         "disagreement of UAVs",

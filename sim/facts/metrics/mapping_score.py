@@ -8,7 +8,7 @@ import numpy as np
 from sim.mission.recording import Recording
 from tracking.geometry.line_of_sight import value_at
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
 
@@ -20,6 +20,7 @@ class MappingScore(NamedTuple):
     found: int  # of these, mapped trees
     mapped: int  # trees on maps
     distances: Array  # (D,) m, from the middle of each mapped tree that is a true one to the true middle
+    trees: Indices  # (D,): these true trees
 
     @property
     def error(self) -> float:
@@ -46,9 +47,11 @@ def compare_map(believed: Forest, true: Forest) -> MappingScore:
     pairs = pairs_within(np.where(gaps < radii, gaps, np.inf), float(radii.max(initial=0.0)))
     seen = [value_at(believed.unknown_around, *place) == 0.0 for place in exact.tolist()]
     found = sum(seen[b] for _, b in pairs)
-    return MappingScore(sum(seen), found, len(own), np.array([gaps[pair] for pair in pairs]))
+    trees = np.array([b for _, b in pairs], dtype=np.int64)
+    return MappingScore(sum(seen), found, len(own), np.array([gaps[pair] for pair in pairs]), trees)
 
 
 def _add(errors: list[MappingScore]) -> MappingScore:
     seen, found, mapped = (sum(column) for column in list(zip(*errors, strict=True))[:3])
-    return MappingScore(seen, found, mapped, np.concatenate([one.distances for one in errors]))
+    distances, trees = (np.concatenate(column) for column in list(zip(*errors, strict=True))[3:])
+    return MappingScore(seen, found, mapped, distances, trees)

@@ -51,6 +51,24 @@ def told(recording, without=("link lost", "link restored")):
     return [(round(e.time, 6), e.kind, e.sentence) for e in Flight(recording).events if e.kind not in without]
 
 
+def test_people_who_leave_and_come_back_are_told():
+    none, gone = held(), np.full(2, np.nan)
+
+    def wander(snapshot):
+        k = round(5 * snapshot.time)
+        people = np.array([gone if k in (1, 2, 5) else PEOPLE[0], gone if k < 2 else PEOPLE[1]])
+        return replace(snapshot, people=people, tracks=[none, none], contacts=())
+
+    found = told(record(7, setting=SETTING, trees=0, change=wander))
+    assert [e for e in found if e[1] in ("person left", "person came")] == [
+        (0.2, "person left", "person 0 left the area"),
+        (0.4, "person came", "person 1 came"),
+        (0.6, "person came", "person 0 came again after 0.4 s"),
+        (1.0, "person left", "person 0 left the area"),
+        (1.2, "person came", "person 0 came again after 0.2 s"),
+    ]
+
+
 def test_tracks_are_born_received_handed_over_swapped_and_deleted_by_number():
     one, none = held((70, 0.0), (30, 20.0)), held((30, 20.0))
     found = told(recorded([(one, none), (one, one), (none, one), (none, none)]))

@@ -1,6 +1,7 @@
 """UAVs that map the trees in their own frames, and know of no other."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from helpers.rerun_files import tables
 
 from sim.exchange.export import export
 from sim.facts.flight import Flight
+from sim.facts.metrics.catalogue import METRICS
+from sim.facts.metrics.trees_met import find_trees_met
 from sim.scenario.loading import load_scenario
 from sim.views.drawing.map_view import MapView
 from sim.views.frames.annotation import annotate
@@ -169,6 +172,32 @@ def test_rerun_and_the_bag_have_the_map_of_each_uav_whenever_it_changes(flown, t
             np.testing.assert_allclose(np.reshape(places or [], (-1, 3)), expected, rtol=1e-5)
             ground = sum(m.scale.x * m.scale.y for m in content if m.ns == "unseen")
             assert ground == pytest.approx(np.prod(believed.unknown.cell) * np.count_nonzero(believed.unknown.values))
+
+
+def test_trees_that_a_uav_has_from_others_are_told_when_it_meets_them(flown):
+    _, recording = flown[0]
+    expected = {}
+    for uav in range(3):
+        camera = recording.setting.uavs[uav].true_camera
+        for tree, (x, y) in enumerate(STEMS):
+            rim = np.column_stack([np.array([x, y]) + 4.0 * TURN, np.full(len(TURN), recording.trees[tree, 4])])
+            known = None
+            for k, time in enumerate(recording.times):
+                near = any(np.hypot(t.x - x, t.y - y) < 4.0 for t in recording.believed_at(k, uav).trees)
+                known = (time if known is None else known) if near else None
+                pixels, depths = camera.project(recording.camera_at(k, uav), rim)
+                if np.any(np.all((pixels > 0) & (pixels < camera.size), axis=1) & (depths > 0)):
+                    expected[uav, tree] = (k, None if known is None else round(float(time - known), 6))
+                    break
+    met = find_trees_met(recording)
+    found = {(m.uav, m.tree): (m.scan, None if np.isnan(m.ahead) else round(m.ahead, 6)) for m in met}
+    assert found.keys() == expected.keys()
+    assert sum(found[pair] == expected[pair] for pair in found) >= len(found) - 1  # rims of 16 and of 100 points
+    told = [event for event in Flight(recording).events if event.kind == "tree met"]
+    ahead = [m for m in met if not np.isnan(m.ahead)]
+    assert sorted((e.first, *e.uavs) for e in told) == sorted((m.scan, m.uav) for m in ahead)
+    assert METRICS["map.known_ahead"](SimpleNamespace(recording=recording)) == pytest.approx(len(ahead) / len(met))
+    assert len(ahead) > 0
 
 
 def test_a_table_tells_how_good_each_map_was(flown):
