@@ -1,12 +1,15 @@
-"""Tables and figure of docs/results/mismatch.md, from the study `mismatch` in runs/mismatch: `python docs/mismatch.py`.
+"""Table and figure of docs/results/mismatch.md: `python docs/mismatch.py`, or with folders of the study `mismatch`.
 
-If the study was flown in parts, `python docs/mismatch.py FOLDER...` takes all of them.
+`python docs/mismatch.py runs/mismatch...` also writes the trials of these folders to docs/results/mismatch.csv, from
+which all is made; those that were there before and not in the folders stay.
 """
 
 from __future__ import annotations
 
+import csv
 import sys
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +23,7 @@ from sim.study.store import read_rows
 from sim.study.trials import TrialRow
 from tracking.numerics.arrays import Array
 
+TRIALS = Path(__file__).parent / "results" / "mismatch.csv"
 PICTURE = Path(__file__).parent / "media" / "mismatch.png"
 STUDY = read_study("mismatch")
 (LEVELS,) = map(list, STUDY.factors.values())
@@ -28,13 +32,38 @@ TRUTH = {level: "leaves, exact" if "leaves" in level else "exact" for level in L
 COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#222222", "#999999", "#8c564b", "#7f3c8d")
 
 
-def list_values(rows: Sequence[TrialRow]) -> dict[tuple[str, str], dict[int, float]]:
-    """The metric by level and planner, for each seed."""
-    found: dict[tuple[str, str], dict[int, float]] = {}
+def write_trials(rows: Iterable[TrialRow]) -> None:
+    """Write the metric of each trial, a line a level and seed, a column a planner."""
+    lines = {(line["believed"], int(line["seed"])): line for line in read_trials()}
     for row in rows:
         value = row.metrics.get(METRIC.name)
         if row.status == "done" and value is not None:
-            found.setdefault((dict(row.factors)["believed"], row.planner), {})[row.seed] = value
+            key = dict(row.factors)["believed"], row.seed
+            line = lines.setdefault(key, {"believed": key[0], "seed": str(row.seed)})
+            line |= {"version": row.version, row.planner: f"{value:.10g}"}
+    order = sorted(lines, key=lambda key: (LEVELS.index(key[0]), key[1]))
+    flown = [planner for planner in STUDY.planners if any(planner in line for line in lines.values())]
+    with TRIALS.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, ["believed", "seed", "version", *flown], restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(lines[key] for key in order)
+
+
+def read_trials() -> list[dict[str, str]]:
+    """The lines of `TRIALS`."""
+    if not TRIALS.exists():
+        return []
+    with TRIALS.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def list_values(lines: Iterable[dict[str, str]]) -> dict[tuple[str, str], dict[int, float]]:
+    """The metric by level and planner, for each seed."""
+    found: dict[tuple[str, str], dict[int, float]] = {}
+    for line in lines:
+        for planner in STUDY.planners:
+            if line.get(planner):
+                found.setdefault((line["believed"], planner), {})[int(line["seed"])] = float(line[planner])
     return found
 
 
@@ -95,7 +124,7 @@ def draw(values: dict[tuple[str, str], dict[int, float]]) -> Figure:
         places = [found[k] for level in levels if (found := compute_ranks(values, level)) is not None]
         ranks.plot(places, "o-", color=COLOURS[k], ms=4)
     ranks.invert_yaxis()
-    shares.set_ylabel(METRIC.title)
+    shares.set_ylabel(textwrap.fill(METRIC.title, 16))
     ranks.set(ylabel="rank among planners", xticks=range(len(levels)))
     ranks.set_xticklabels(levels, rotation=60, ha="right")
     for axes in (shares, ranks):
@@ -106,10 +135,12 @@ def draw(values: dict[tuple[str, str], dict[int, float]]) -> Figure:
 
 def main(folders: Sequence[str]) -> None:
     """Print the table and draw the figure."""
-    values = list_values([row for folder in folders for row in read_rows(folder)])
+    if folders:
+        write_trials(row for folder in folders for row in read_rows(folder))
+    values = list_values(read_trials())
     print(write_table(values))
     draw(values).savefig(PICTURE, dpi=100, metadata={"Software": None})
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or ["runs/mismatch"])
+    main(sys.argv[1:])

@@ -103,6 +103,7 @@ def test_what_wrong_beliefs_cost_is_paired_by_maps_and_rankings_are_compared_wit
             share = 0.5 + 0.1 * k if level == "all missing" else share
             store.add(task, replace(invented(task), metrics={"ospa.share_under_1m": share}))
     monkeypatch.setattr(mismatch, "PICTURE", tmp_path / "mismatch.png")
+    monkeypatch.setattr(mismatch, "TRIALS", tmp_path / "mismatch.csv")
     mismatch.main([str(tmp_path / "mismatch")])
     lines = capsys.readouterr().out.splitlines()
     table = {cells[1].strip(): [cell.strip() for cell in cells[2:-1]] for cells in (line.split("|") for line in lines)}

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
+from tracking.geometry.line_of_sight import Raster
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, Tree, visible_samples
 from tracking.track import Track
@@ -42,6 +43,20 @@ def test_a_frame_thins_each_cell_by_its_visible_share():
     np.testing.assert_allclose(belief.people, 1.0 - 0.9 * share, atol=0.9 * 0.15)
     np.testing.assert_allclose(belief.people.sum(), (1.0 - 0.9 * share).sum(), atol=0.5)
     assert belief.people.min() == pytest.approx(0.1)
+
+
+def test_ground_that_is_not_yet_seen_keeps_the_people_whom_its_trees_may_hide():
+    """The west is seen; in the east stand 0.05 trees per m², so that looking there again is worth something."""
+    density = np.zeros((50, 75))
+    density[:, 41:] = 0.05
+    unseen = Forest((), unknown=Raster.over(AREA, density), unknown_tree=Tree(0.0, 0.0, 2.0, 3.0, 6.0))
+    undetected = UndetectedIntensity(AREA, 600.0, 0.9, 3.0)
+    undetected.step(0.0, [(CAMERA, Pose.level(5.0, 0.0, 20.0))], (), unseen)
+    west, east = undetected.belief.people[9:11, 14], undetected.belief.people[9:11, 17]  # both in view
+    np.testing.assert_allclose(west, 1.0 - 0.9)
+    beside = 3.0 / (20.0 - TARGET_HEIGHT) * math.hypot(7.5, 2.5)  # m, of the line of sight, as seen from above
+    free = math.exp(-0.05 * 2.0 * (math.pi * 2.0 + 2.0 * beside))
+    np.testing.assert_allclose(east, 1.0 - 0.9 * free, atol=0.02)
 
 
 def test_people_spread_as_they_walk_within_the_area():
