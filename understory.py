@@ -60,6 +60,7 @@ from sim.scenario.quantities import WORKERS, parse_integer, parse_seed_and_repea
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_overrides
 from sim.sensing.detector_check import check_detector
+from sim.sensing.mapper_check import check_mapper
 from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup, Shot
 from sim.study.analysis.groups import find_varying_factors
 from sim.study.analysis.levels import Threshold, find_levels
@@ -137,6 +138,7 @@ __all__ = [  # noqa: RUF022 - grouped by who needs the names
     "Pose",
     "TARGET_HEIGHT",
     "check_detector",
+    "check_mapper",
     "visible_samples",
     # Whoever maps trees, and authors of mappers.
     "MappedTree",

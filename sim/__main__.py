@@ -30,6 +30,7 @@ COMMANDS = {
     "studies": ("sim.cli.lists:studies", "List the packaged studies."),
     "check-planner": ("sim.cli.checks:check_planner", "Check that a planner keeps the rules for planners."),
     "check-detector": ("sim.cli.checks:check_detector", "Check that a detector keeps the rules for detectors."),
+    "check-mapper": ("sim.cli.checks:check_mapper", "Check that a mapper of trees keeps the rules for mappers."),
     "check-tracker": ("sim.cli.checks:check_tracker", "Check that a tracker keeps the rules for trackers."),
 }
 app = make_command_group(start, COMMANDS)

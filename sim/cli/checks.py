@@ -1,4 +1,4 @@
-"""`understory check-planner`, `check-detector` and `check-tracker`: what a plug-in must keep to."""
+"""`understory check-planner`, `check-detector`, `check-mapper` and `check-tracker`: what a plug-in must keep to."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -11,8 +11,9 @@ from rich.markup import escape
 from planning import planner_check
 from planning.planner_loading import load_planner
 from sim.mission.warmup import announce_compilation
+from sim.scenario.believed import MAPPERS
 from sim.scenario.sensing import DETECTORS
-from sim.sensing import detector_check
+from sim.sensing import detector_check, mapper_check
 from sim.terminal.console import console, say
 from sim.terminal.progress import show_compilation, show_progress
 from tracking.fusion import tracker_check
@@ -36,6 +37,14 @@ def check_detector(
     """Check a detector against the rules for detectors, on test frames; exit code 1 if a check fails."""
     DETECTORS.make(detector)
     _show(detector_check.check_detector, detector)
+
+
+def check_mapper(
+    mapper: Annotated[str, typer.Argument(metavar="MAPPER", help="Its name, or yours as module:Class.")],
+) -> None:
+    """Check a mapper of trees against the rules for mappers, on test frames; exit code 1 if a check fails."""
+    MAPPERS.make(mapper)
+    _show(mapper_check.check_mapper, mapper)
 
 
 def check_tracker(

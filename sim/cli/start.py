@@ -40,6 +40,7 @@ List planners and scenarios; yours are named module:Class and file.toml:
 Check a planner, detector or tracker of your own:
   [bold]understory check-planner module:Class[/bold]
   [bold]understory check-detector module:Class[/bold]
+  [bold]understory check-mapper module:Class[/bold]
   [bold]understory check-tracker module:Class[/bold]
 
 All options of a command:

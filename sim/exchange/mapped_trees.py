@@ -10,10 +10,11 @@ import numpy as np
 from sim.exchange.csv_files import write_table
 from sim.facts.rerender import Rerenderer
 from sim.mission.recording import Recording
+from sim.scenario.believed import MAPPERS
 from sim.world.stem_map import TREE_COLUMNS
 from tracking.detection.detector import Frame
 from tracking.errors import InputError
-from tracking.mapping.mapper import MAPPERS, MappedTree
+from tracking.mapping.mapper import MappedTree
 
 _DEVIATIONS = ("x", "y", "canopy_radius", "canopy_base", "canopy_top")  # columns in the order of covariances
 

@@ -10,6 +10,7 @@ from sim.world.believed_forest import believe_forest
 from tracking.detection.detector import Frame
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Indices
+from tracking.plugins.plugin_error import PluginError
 
 
 class ForestBeliefs(Protocol):
@@ -24,8 +25,8 @@ class ForestBeliefs(Protocol):
     and `tracking.geometry.unseen_ground.expect_unseen_trees` turns ground that is not yet seen into `Forest.unknown`.
     """
 
-    def observe(self, frames: Sequence[Frame]) -> None:
-        """Learn from the frames of one scan; none without images."""
+    def observe(self, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:
+        """Learn from the frames of one scan, none without images; return errors of plug-ins, each with its UAV."""
 
     def share(self, time: float, links: RadioLinks, working: Sequence[int], relay: ScanRelay) -> Indices | None:
         """Exchange maps over the links of a scan; return the bytes (n,) that each UAV sends, None if none are shared.
@@ -43,8 +44,9 @@ class GivenMap:
     def __init__(self, forest: Forest) -> None:
         self._forest = forest
 
-    def observe(self, frames: Sequence[Frame]) -> None:
+    def observe(self, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:
         """Nothing: the map stays."""
+        return ()
 
     def share(self, time: float, links: RadioLinks, working: Sequence[int], relay: ScanRelay) -> Indices | None:
         """Nothing: all have it."""

@@ -8,14 +8,17 @@ import numpy as np
 from sim.mission.map_exchange import DatedMap, MapExchange
 from sim.mission.radio import RadioLinks
 from sim.mission.scan_relay import ScanRelay
+from sim.scenario.believed import MAPPERS
 from sim.scenario.scenario import Scenario
+from sim.sensing.mapper_output_check import read_map
 from tracking.detection.detector import Frame
 from tracking.geometry.line_of_sight import Raster
 from tracking.geometry.unseen_ground import expect_unseen_trees
 from tracking.geometry.visibility import Forest, Tree
 from tracking.mapping.fusion import TreeMap, fuse_maps
-from tracking.mapping.mapper import COVERED, OPEN, ParallaxMapper, SeenGround
+from tracking.mapping.mapper import COVERED, OPEN, SeenGround, TreeMapper
 from tracking.numerics.arrays import Indices
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 _PAUSE = 1.0  # s, from one map to the next
 _CELL = 2.0  # m, edge of the cells of ground of which UAVs know whether they have seen them
@@ -33,7 +36,7 @@ class MappedForests:
     def __init__(self, scenario: Scenario) -> None:
         self._area = scenario.area.width, scenario.area.height
         self._occlusion = scenario.sensing.occlusion
-        self._mappers = [ParallaxMapper() for _ in scenario.uavs]
+        self._mappers: list[TreeMapper] = [MAPPERS.make(scenario.mapping.mapper) for _ in scenario.uavs]
         self._maps = MapExchange(scenario.network, len(scenario.uavs))
         self._shares = scenario.mapping.share
         self._due: list[int] = []  # UAVs that have made a map since they sent the last one
@@ -41,14 +44,25 @@ class MappedForests:
             self._make_map(uav, 0.0)
         self._forests = [self._believe(uav) for uav in range(len(scenario.uavs))]
 
-    def observe(self, frames: Sequence[Frame]) -> None:
-        """Map the trees in the frames of one scan."""
+    def observe(self, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:
+        """Map the trees in the frames of one scan; a UAV whose mapper fails keeps its map."""
+        errors = []
         for frame in frames:
-            self._mappers[frame.uav].add(frame)
-            if frame.time > self._maps.maps(frame.uav)[frame.uav].time + 0.999 * _PAUSE:
-                self._make_map(frame.uav, frame.time)
-                self._forests[frame.uav] = self._believe(frame.uav)
-                self._due.append(frame.uav)
+            try:
+                self._map(frame)
+            except PluginError as error:
+                errors.append((frame.uav, error))
+        return errors
+
+    def _map(self, frame: Frame) -> None:
+        uav = frame.uav
+        mapper = self._mappers[uav]
+        with plugin_call(mapper, "add"):
+            mapper.add(frame)
+        if frame.time > self._maps.maps(uav)[uav].time + 0.999 * _PAUSE:
+            self._make_map(uav, frame.time)
+            self._forests[uav] = self._believe(uav)
+            self._due.append(uav)
 
     def share(self, time: float, links: RadioLinks, working: Sequence[int], relay: ScanRelay) -> Indices | None:
         """Send the maps that were made in this scan, and take in those that have arrived, believed from the next on."""
@@ -62,9 +76,8 @@ class MappedForests:
         return self._forests[uav]
 
     def _make_map(self, uav: int, time: float) -> None:
-        mapper = self._mappers[uav]
-        made = TreeMap(mapper.trees(), _lay_over(self._area, mapper.ground()))
-        self._maps.publish(uav, DatedMap(time, made))
+        trees, ground = read_map(self._mappers[uav])
+        self._maps.publish(uav, DatedMap(time, TreeMap(trees, _lay_over(self._area, ground))))
 
     def _believe(self, uav: int) -> Forest:
         fused = fuse_maps([dated.map for dated in self._maps.maps(uav).values()])

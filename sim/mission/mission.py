@@ -162,7 +162,8 @@ class Mission:
         with self.clock.measure("rendering"):
             exposed = [self._sensors.expose(shot) for shot in shots if takes[shot.uav]]
         with self.clock.measure("detection"):
-            self.beliefs.observe([shot.frame(self._sensors.cameras[shot.uav]) for shot in exposed if shot.rendered])
+            frames = [shot.frame(self._sensors.cameras[shot.uav]) for shot in exposed if shot.rendered]
+            faults += [Fault(time, i, f"mapper: {error}", error.trace) for i, error in self.beliefs.observe(frames)]
             forests = [self.beliefs.believed(shot.uav) for shot in shots]
             taken = iter(self._sensors.read_all([replace(shot, forest=forests[shot.uav]) for shot in exposed]))
         readings = [

@@ -6,8 +6,15 @@ from msgspec import Meta, Struct
 from msgspec.structs import replace
 
 from tracking.parameters import Tracking
+from tracking.plugins.registry import Registry
 from tracking.settings import Probability
 
+MAPPERS = Registry(
+    "mapping.mapper",
+    {"parallax": "tracking.mapping.mapper:ParallaxMapper"},
+    ("add(frame)", "trees()", "ground()"),
+    bare=True,
+)
 Factor = Annotated[float, Meta(ge=0.01, le=100)]
 
 
@@ -20,6 +27,8 @@ class Mapping(Struct, frozen=True, forbid_unknown_fields=True):
     forest: Literal["known", "mapped", "none"] = "known"
     # True if UAVs send the maps that they make to each other, over the network that tracks take
     share: bool = True
+    # `"parallax"`: finds trees by how they move in the image, or the import string of a mapper of your own
+    mapper: str = "parallax"
 
 
 class Believed(Struct, frozen=True, forbid_unknown_fields=True):

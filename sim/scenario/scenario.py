@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 from msgspec import Meta, Struct, field
 
-from sim.scenario.believed import Believed, Mapping
+from sim.scenario.believed import MAPPERS, Believed, Mapping
 from sim.scenario.environment import APPEARANCES, WALKS, Appearance, Area, People, Trees, Wind
 from sim.scenario.fleet import MOST_UAVS, Fleet, resize
 from sim.scenario.geo import Geo, Ground
@@ -180,7 +180,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def plugins(self) -> tuple[tuple[Registry, str], ...]:
         """Pairs of a registry and the name or import string that the scenario takes from it."""
-        sensing = ((SENSOR_MODES, self.sensing.mode), (DETECTORS, self.sensing.detector))
+        sensing = (
+            (SENSOR_MODES, self.sensing.mode),
+            (DETECTORS, self.sensing.detector),
+            (MAPPERS, self.mapping.mapper),
+        )
         tracking = ((TRACKERS, self.tracking.tracker), (MOTION_MODELS, self.tracking.motion))
         walks = ((WALKS, name) for name in self.people.walks)
         return (*sensing, *tracking, (FUSION_RULES, self.network.fusion), *walks)

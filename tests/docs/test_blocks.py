@@ -23,7 +23,7 @@ TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.
 # The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
 NAMES = (
     "index",
-    *(f"how-to/{name}" for name in ("planners", "trackers", "wrapping")),
+    *(f"how-to/{name}" for name in ("mapping", "planners", "trackers", "wrapping")),
     *(f"explanation/{name}" for name in ("equations", "frames-to-tracks", "rivals")),
     *(f"reference/{name}" for name in ("api", "metrics", "planners")),
 )

@@ -13,11 +13,7 @@ from tracking.mapping.crowns import LARGEST, Crown, Window, find_crowns, is_same
 from tracking.mapping.parallax import FINEST, STEEPEST, Evidence, View, compare, find_cell, view_of
 from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import exp
-from tracking.plugins.registry import Registry
 
-MAPPERS = Registry(
-    "mapper", {"parallax": "tracking.mapping.mapper:ParallaxMapper"}, ("add(frame)", "trees()"), bare=True
-)
 UNSEEN, OPEN, COVERED = 0, 1, 2  # states of a cell of the ground
 _CELL = 0.25  # m, least edge of a cell of the ground
 _APART = 0.045  # of the height above ground, least distance from a frame to the next that is compared
@@ -67,13 +63,19 @@ class SeenGround:
 
 
 class TreeMapper(Protocol):
-    """Mapper of trees in the frames of one camera; "package.module:Class" names it, which takes no arguments."""
+    """Mapper of trees in the frames of one camera; "package.module:Class" names it, which takes no arguments.
+
+    Each UAV has one of its own.
+    """
 
     def add(self, frame: Frame) -> None:
         """Take the next frame of a camera, in order of time."""
 
     def trees(self) -> tuple[MappedTree, ...]:
         """The trees that are mapped so far."""
+
+    def ground(self) -> SeenGround:
+        """What was seen of the ground so far."""
 
 
 class ParallaxMapper:

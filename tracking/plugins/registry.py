@@ -106,7 +106,7 @@ def _describe_lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - 
     if inspect.iscoroutinefunction(found) or inspect.isasyncgenfunction(found):
         return f"{called} of {name!r} is async; it must be a plain method"
     try:
-        inspect.signature(found).bind(*arguments.split(", "))
+        inspect.signature(found).bind(*filter(None, arguments.split(", ")))
     except TypeError:
         return f"{called} of {name!r} takes {inspect.signature(found)}; it must take ({arguments})"
     except ValueError:

@@ -37,6 +37,7 @@ class Learns:
     def observe(self, frames):
         self.scans += 1
         self.frames += frames
+        return ()
 
     def share(self, time, links, working, relay):
         return None
