@@ -53,7 +53,7 @@ def write_rosbag(recording: Recording, folder: Path, *, truth: bool = True, imag
     one of `IMAGES`.
     """
     _write_bag(recording, folder / "bag", images, truth=truth)
-    layout = _make_layout(recording.uav_count, recording.setting.area.width)
+    layout = _make_layout(recording)
     (folder / "foxglove.json").write_text(json.dumps(layout, indent=1), encoding="utf-8")
     write_map_and_settings(recording, folder, truth=truth)
     if truth:
@@ -227,16 +227,18 @@ def _name_camera(uav: int) -> str:
     return f"uav{uav}/camera_optical_frame"
 
 
-def _make_layout(uavs: int, width: float) -> dict[str, Any]:
-    """Scene, cameras, errors and events in Foxglove, for a number of UAVs above an area of a width [m]."""
+def _make_layout(recording: Recording) -> dict[str, Any]:
+    """Scene, with the map of UAV 0 if UAVs make maps, cameras, errors and events in Foxglove."""
+    uavs, width = recording.uav_count, recording.setting.area.width
     markers = [ros.UAV_MARKERS.name.format(i) for i in range(uavs)]
+    maps = [ros.MAP.name.format(0)] * (recording.maps is not None)
     panels: dict[str, Any] = {
         "3D!scene": {
             "cameraState": {"distance": width, "perspective": True, "phi": 50, "thetaOffset": 0},
             "followMode": "follow-none",
             "followTf": WORLD,
             "scene": {"transforms": {"showLabel": False, "axisSize": 1}},
-            "topics": {topic: {"visible": True} for topic in (ros.FOREST.name, ros.PEOPLE.name, *markers)},
+            "topics": {topic: {"visible": True} for topic in (ros.FOREST.name, ros.PEOPLE.name, *markers, *maps)},
         },
         "RosOut!events": {"topicToRender": ros.EVENTS.name, "minLogLevel": 1, "searchTerms": []},
     }

@@ -84,8 +84,9 @@ class MapExchange:
         done = relay.transmit(uav, time, size) if self._network.takes_time else time
         if done is None:
             return 0
+        received = links.first_round[:, uav]
         for j in hearing:
-            if links.first_round[j, uav]:
+            if received[j]:
                 late = 0.0 if links.jitter is None else float(links.jitter[j, uav])
                 self._inboxes[j].put(done + self._network.delay + late, _Message(statement, maps))
         return size

@@ -14,6 +14,7 @@ from typing import Any
 from planning.planner_loading import load_planner
 from sim.facts.flight import Flight
 from sim.facts.metrics.catalogue import find_metric
+from sim.facts.metrics.mapping_score import tell_unmapped
 from sim.facts.metrics.metric import Outcome
 from sim.facts.metrics.summary import summarise
 from sim.mission.archive import save
@@ -139,6 +140,6 @@ def write_results(results: Results, outcome: Outcome, draw: Callable[[Flight], s
     wall, seconds = outcome.wall_s + spent, {**outcome.seconds, "page": spent}
     summary |= {"wall_s": wall, "seconds": {**seconds, "other": wall - math.fsum(seconds.values())}}
     (results.folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    if left_out:
-        say(left_out)
+    for line in filter(None, (left_out, tell_unmapped(outcome.recording))):
+        say(line)
     return summary

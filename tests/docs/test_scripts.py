@@ -22,6 +22,7 @@ import flights
 import how_many
 import mismatch
 import scale
+import unknown_forest
 
 
 def test_fewer_people_show_under_denser_crowns_and_most_do_in_the_open():
@@ -169,3 +170,13 @@ def test_the_best_times_to_find_people_are_those_of_the_page_on_worlds():
     page = " ".join(text_of("results/worlds").split())
     (said,) = re.findall(r"at most (\d+ m²) more in each second, or (\d+ m²) .*? in ([\d.]+ s), or ([\d.]+ s)", page)
     assert said == (told[0], told[2], told[1], told[3])
+
+
+def test_maps_are_compared_with_the_true_trees(capsys):
+    unknown_forest.main([3], duration=10)
+    _, _, *lines = [line.split(" | ") for line in capsys.readouterr().out.splitlines()]
+    assert [line[0] for line in lines] == ["| default", "| other appearances"]
+    for _, recall, false, middle, radius, top, nees, shadows in lines:
+        assert float(recall.split()[0]) > 90 and float(false.split()[0]) < 10
+        assert all(0.0 < float(error) < 1.5 for error in (middle, radius, top)) and 0.0 < float(nees) < 5
+        assert 0.8 < float(shadows.removesuffix(" |")) <= 1.0

@@ -42,9 +42,9 @@ def fuse_maps(maps: Sequence[TreeMap]) -> TreeMap:
     """Fuse the maps of UAVs, one each, on one raster; the same maps in the same order give the same result.
 
     Errors of different UAVs are taken to be independent, so trees that are one are fused by their information. The odds
-    that a tree exists are multiplied over the maps that have it, and lowered by those that have open ground there.
-    Ground is open if one map has it open. What all maps but one had at first is in the result once, because each map is
-    of its own UAV's frames alone: there is no double counting, however often maps are sent.
+    that a tree exists, which are even beforehand, are multiplied over the maps that have it, and lowered by those that
+    have open ground there. Ground is open if one map has it open. Each map has to be of its own UAV's frames alone;
+    then nothing is counted twice.
     """
     trees, ground = list(maps[0].trees), maps[0].ground
     for other in maps[1:]:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.mission.recording import Recording
+from tracking.errors import list_numbers
 from tracking.geometry.line_of_sight import value_at
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
@@ -37,6 +38,18 @@ def compare_maps(recording: Recording) -> MappingScore | None:
         return None
     last = recording.scan_count - 1
     return _add([compare_map(recording.believed_at(last, i), recording.forest) for i in range(recording.uav_count)])
+
+
+def tell_unmapped(recording: Recording) -> str:
+    """Which UAVs have not mapped anything by the end, and why, in words; empty if there are none."""
+    last = recording.scan_count - 1
+    unseen = recording.map_unknown if recording.maps is not None else None
+    if unseen is None or recording.maps is None:
+        return ""
+    uavs = [i for i in range(recording.uav_count) if np.all(unseen[recording.maps[last, i]] > 0.0)]
+    own = "its own camera" if len(uavs) == 1 else "their own cameras"
+    why = f"{own} moved too little for parallax, nor did a map arrive."
+    return f"{list_numbers('UAV', uavs)}: no ground or tree mapped; {why}" if uavs else ""
 
 
 def compare_map(believed: Forest, true: Forest) -> MappingScore:

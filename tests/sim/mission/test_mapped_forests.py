@@ -1,6 +1,7 @@
 """UAVs that map the trees in their own frames, and know of no other."""
 
 import dataclasses
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from helpers.rerun_files import tables
 from sim.exchange.export import export
 from sim.facts.flight import Flight
 from sim.facts.metrics.catalogue import METRICS
+from sim.facts.metrics.mapping_score import compare_maps, tell_unmapped
 from sim.facts.metrics.trees_met import find_trees_met
 from sim.scenario.loading import load_scenario
 from sim.views.drawing.map_view import MapView
@@ -153,6 +155,8 @@ def test_rerun_and_the_bag_have_the_map_of_each_uav_whenever_it_changes(flown, t
     rerun_viewer.write(Flight(recording), tmp_path / "a.rrd", progress=lambda k: None)
     entities = tables(RrdReader(tmp_path / "a.rrd").stream())
     export(recording, "rosbag", tmp_path / "out")
+    layout = json.loads((tmp_path / "out" / "foxglove.json").read_text())
+    assert layout["configById"]["3D!scene"]["topics"]["/uav0/forest"] == {"visible": True}
     markers = {uav: [] for uav in range(3)}
     with (tmp_path / "out" / "bag" / "bag.mcap").open("rb") as file:
         topics = [f"/uav{uav}/forest" for uav in markers]
@@ -198,6 +202,34 @@ def test_trees_that_a_uav_has_from_others_are_told_when_it_meets_them(flown):
     assert sorted((e.first, *e.uavs) for e in told) == sorted((m.scan, m.uav) for m in ahead)
     assert METRICS["map.known_ahead"](SimpleNamespace(recording=recording)) == pytest.approx(len(ahead) / len(met))
     assert len(ahead) > 0
+
+
+ODD = {
+    "hover": ("hover", []),
+    "one UAV": ("greedy", ["fleet.size=1"]),
+    "lens": ("greedy", ["uavs.*.camera=thermal-640", "uavs.*.camera.scale=0.25"]),
+    "body-fixed in wind": ("greedy", ["wind.velocity=[6, 0]", "uavs.*.mount=body", "uavs.*.tilt_deg=15"]),
+    "2.5 Hz": ("greedy", ["uavs.*.rate=2.5"]),
+    "crowns of 1 m": ("greedy", ["trees.canopy_radius=1"]),
+    "no trees": ("greedy", ["trees.density=0"]),
+    "a grove wall to wall": ("greedy", ["trees.density=400", "trees.overlap=true"]),
+    "porous": ("greedy", ["trees.leaf_area_density=1"]),
+}
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_odd_flights_map_what_they_can_and_say_what_they_cannot(case):
+    planner, settings = ODD[case]
+    mission, snapshots = fly("mapping.forest=mapped", *settings, planner=planner, seed=1, duration=8)
+    recording = recording_of(mission, snapshots, seed=1)
+    score, told = compare_maps(recording), tell_unmapped(recording)
+    assert score.mapped - len(score.distances) <= max(1, 0.1 * score.mapped) and recording.all_faults == ()
+    if case == "hover":
+        assert told.startswith("UAVs 0, 1 and 2: no ground or tree mapped; their own cameras moved too little")
+        assert score.mapped == score.seen == 0
+    else:
+        assert told == ""
+        assert case in ("no trees", "a grove wall to wall") or score.found >= 0.5 * score.seen > 0
 
 
 def test_a_table_tells_how_good_each_map_was(flown):
