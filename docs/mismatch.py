@@ -1,7 +1,7 @@
-"""Table and figure of docs/results/mismatch.md: `python docs/mismatch.py`, or with folders of the study `mismatch`.
+"""Tables and figure of docs/results/mismatch.md: `python docs/mismatch.py`.
 
-`python docs/mismatch.py runs/mismatch...` also writes the trials of these folders to docs/results/mismatch.csv, from
-which all is made; those that were there before and not in the folders stay.
+The trials of the study `mismatch` in runs/mismatch, or in the folders that are named, are written to
+docs/results/mismatch.csv, from which all is made; those that were there before and not in the folders stay.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ STUDY = read_study("mismatch")
 (LEVELS,) = map(list, STUDY.factors.values())
 METRIC = find_shown_metric("ospa.share_under_1m")
 TRUTH = {level: "leaves, exact" if "leaves" in level else "exact" for level in LEVELS}
+BLIND = ("thompson", "greedy", "hover", "oracle")  # planners that do not ask where trees hide people
+KNOWN = ", and known to be"
 COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#222222", "#999999", "#8c564b", "#7f3c8d")
 
 
@@ -73,12 +75,13 @@ def list_planners(values: dict[tuple[str, str], dict[int, float]]) -> list[str]:
     return [planner for planner in STUDY.planners if planner in flown]
 
 
-def estimate_loss(values: dict[tuple[str, str], dict[int, float]], level: str, planner: str) -> Estimate | None:
-    """What a level costs a planner beside believing the truth, paired by maps; None without maps of both."""
-    one, other = values.get((TRUTH[level], planner), {}), values.get((level, planner), {})
-    both = sorted(one.keys() & other.keys())
-    gaps = np.array([[one[seed] - other[seed]] for seed in both])
-    return estimate_means(gaps, [METRIC.most - METRIC.least])[0] if both else None
+def estimate_gap(values: dict[tuple[str, str], dict[int, float]], one: str, other: str) -> Estimate | None:
+    """How much more a level has than another, as a mean over planners that plan by the trees, paired by maps."""
+    planners = [planner for planner in list_planners(values) if planner not in BLIND]
+    cells = [values.get((level, planner), {}) for level in (one, other) for planner in planners]
+    both = sorted(set.intersection(*(set(cell) for cell in cells))) if cells else []
+    gaps = [[np.mean([values[one, p][seed] - values[other, p][seed] for p in planners])] for seed in both]
+    return estimate_means(np.array(gaps), [METRIC.most - METRIC.least])[0] if both else None
 
 
 def compute_ranks(values: dict[tuple[str, str], dict[int, float]], level: str) -> Array | None:
@@ -90,27 +93,32 @@ def compute_ranks(values: dict[tuple[str, str], dict[int, float]], level: str) -
 
 
 def write_table(values: dict[tuple[str, str], dict[int, float]]) -> str:
-    """A line a level, a column a planner: mean share of scans under 1 m [%], in brackets what the level costs.
+    """A line a level: what it costs beside believing the truth, and the mean share of each planner [%].
 
     The last column is Kendall's tau of the ranking of planners with that under the truth.
     """
     planners = list_planners(values)
-    lines = [["believed", *(f"`{planner}`" for planner in planners), "tau"], ["---"] * (len(planners) + 2)]
+    lines = [["believed", "costs", *(f"`{planner}`" for planner in planners), "tau"], ["---"] * (len(planners) + 3)]
     for level in (level for level in LEVELS if any((level, planner) in values for planner in planners)):
-        cells = [_write_cell(values, level, planner) for planner in planners]
         ranks, exact = compute_ranks(values, level), compute_ranks(values, TRUTH[level])
         known = level != TRUTH[level] and ranks is not None and exact is not None and len(planners) > 1
-        lines.append([level, *cells, f"{kendalltau(ranks, exact).statistic:.2f}" if known else ""])
+        loss = estimate_gap(values, TRUTH[level], level) if level != TRUTH[level] else None
+        means = [list(values.get((level, planner), {}).values()) for planner in planners]
+        shares = [METRIC.text(float(np.mean(cell))) if cell else "" for cell in means]
+        tau = f"{kendalltau(ranks, exact).statistic:.2f}" if known else ""
+        lines.append([level, loss.text(METRIC, signed=True) if loss else "", *shares, tau])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def _write_cell(values: dict[tuple[str, str], dict[int, float]], level: str, planner: str) -> str:
-    maps = values.get((level, planner))
-    if not maps:
-        return ""
-    mean = METRIC.text(float(np.mean(list(maps.values()))))
-    loss = estimate_loss(values, level, planner)
-    return mean if level == TRUTH[level] or loss is None else f"{mean} ({loss.text(METRIC, signed=True)})"
+def write_gains(values: dict[tuple[str, str], dict[int, float]]) -> str:
+    """What it is worth to know how far off the map may be: a line a pair of levels."""
+    lines = [["error", "knowing it gives back"], ["---"] * 2]
+    for level in (level for level in LEVELS if level.endswith(KNOWN)):
+        plain = level.removesuffix(KNOWN)
+        plain = plain if plain in LEVELS else f"trees off by {plain}"
+        gain = estimate_gap(values, level, plain)
+        lines += [[plain, gain.text(METRIC, signed=True)]] if gain else []
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def draw(values: dict[tuple[str, str], dict[int, float]]) -> Figure:
@@ -134,13 +142,15 @@ def draw(values: dict[tuple[str, str], dict[int, float]]) -> Figure:
 
 
 def main(folders: Sequence[str]) -> None:
-    """Print the table and draw the figure."""
+    """Print the tables and draw the figure."""
     if folders:
         write_trials(row for folder in folders for row in read_rows(folder))
     values = list_values(read_trials())
     print(write_table(values))
+    print()
+    print(write_gains(values))
     draw(values).savefig(PICTURE, dpi=100, metadata={"Software": None})
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(sys.argv[1:] or [folder for folder in ("runs/mismatch",) if Path(folder).is_dir()])
