@@ -41,8 +41,10 @@ def write_trials(rows: Iterable[TrialRow]) -> None:
         value = row.metrics.get(METRIC.name)
         if row.status == "done" and value is not None:
             key = dict(row.factors)["believed"], row.seed
-            line = lines.setdefault(key, {"believed": key[0], "seed": str(row.seed)})
-            line |= {"version": row.version, row.planner: f"{value:.10g}"}
+            line = lines.get(key, {})
+            line = line if line.get("version") == row.version else {}  # a line is of one release
+            own = {"believed": key[0], "seed": str(row.seed), "version": row.version}
+            lines[key] = line | own | {row.planner: f"{value:.10g}"}
     order = sorted(lines, key=lambda key: (LEVELS.index(key[0]), key[1]))
     flown = [planner for planner in STUDY.planners if any(planner in line for line in lines.values())]
     with TRIALS.open("w", newline="", encoding="utf-8") as file:

@@ -37,7 +37,7 @@ List planners and scenarios; yours are named module:Class and file.toml:
   [bold]understory planners[/bold]
   [bold]understory scenarios[/bold]
 
-Check a planner, detector or tracker of your own:
+Check a planner, detector, mapper of trees or tracker of your own:
   [bold]understory check-planner module:Class[/bold]
   [bold]understory check-detector module:Class[/bold]
   [bold]understory check-mapper module:Class[/bold]

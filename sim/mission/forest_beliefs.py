@@ -25,8 +25,11 @@ class ForestBeliefs(Protocol):
     and `tracking.geometry.unseen_ground.expect_unseen_trees` turns ground that is not yet seen into `Forest.unknown`.
     """
 
-    def observe(self, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:
-        """Learn from the frames of one scan, none without images; return errors of plug-ins, each with its UAV."""
+    def observe(self, time: float, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:
+        """Learn from the frames of the scan at a time [s]; return errors of plug-ins, each with its UAV.
+
+        frames: none without images.
+        """
 
     def share(self, time: float, links: RadioLinks, working: Sequence[int], relay: ScanRelay) -> Indices | None:
         """Exchange maps over the links of a scan; return the bytes (n,) that each UAV sends, None if none are shared.
@@ -44,7 +47,7 @@ class GivenMap:
     def __init__(self, forest: Forest) -> None:
         self._forest = forest
 
-    def observe(self, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:
+    def observe(self, time: float, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:
         """Nothing: the map stays."""
         return ()
 

@@ -39,8 +39,8 @@ class MapExchange:
 
     A message has the sender's own map and the times of all maps that it has. A neighbour who has an older one of a
     third UAV than the sender had at that time gets the sender's with the next message. So maps pass on over several
-    links, lost ones are sent again, and a fleet that was split agrees two messages after it is whole. Each map is
-    replaced by a newer one of the same UAV only, so that no frame counts twice.
+    links and lost ones are sent again; a fleet that was split agrees after two messages for each link that a map has to
+    pass. Each map is replaced by a newer one of the same UAV only, so that no frame counts twice.
     Source: anti-entropy, A. Demers et al., Epidemic algorithms for replicated database maintenance, PODC 1987.
     """
 

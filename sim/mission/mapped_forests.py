@@ -39,33 +39,37 @@ class MappedForests:
         self._mappers: list[TreeMapper] = [MAPPERS.make(scenario.mapping.mapper) for _ in scenario.uavs]
         self._maps = MapExchange(scenario.network, len(scenario.uavs))
         self._shares = scenario.mapping.share
-        self._due: list[int] = []  # UAVs that have made a map since they sent the last one
+        self._made = 0.0  # s, time of the last maps
+        self._due: list[int] = []  # UAVs that have to send their maps
         for uav in range(len(scenario.uavs)):
             self._make_map(uav, 0.0)
         self._forests = [self._believe(uav) for uav in range(len(scenario.uavs))]
 
-    def observe(self, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:
-        """Map the trees in the frames of one scan; a UAV whose mapper fails keeps its map."""
+    def observe(self, time: float, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:
+        """Map the trees in the frames of one scan; where a mapper fails, its UAV keeps the last map of its own."""
         errors = []
         for frame in frames:
+            mapper = self._mappers[frame.uav]
             try:
-                self._map(frame)
+                with plugin_call(mapper, "add"):
+                    mapper.add(frame)
             except PluginError as error:
                 errors.append((frame.uav, error))
+        if time > self._made + 0.999 * _PAUSE:
+            self._made, self._due = time, list(range(len(self._mappers)))
+            for uav in self._due:
+                try:
+                    self._make_map(uav, time)
+                except PluginError as error:
+                    errors.append((uav, error))
+                self._forests[uav] = self._believe(uav)
         return errors
 
-    def _map(self, frame: Frame) -> None:
-        uav = frame.uav
-        mapper = self._mappers[uav]
-        with plugin_call(mapper, "add"):
-            mapper.add(frame)
-        if frame.time > self._maps.maps(uav)[uav].time + 0.999 * _PAUSE:
-            self._make_map(uav, frame.time)
-            self._forests[uav] = self._believe(uav)
-            self._due.append(uav)
-
     def share(self, time: float, links: RadioLinks, working: Sequence[int], relay: ScanRelay) -> Indices | None:
-        """Send the maps that were made in this scan, and take in those that have arrived, believed from the next on."""
+        """Send the maps that were made in this scan, and take in those that have arrived.
+
+        A UAV believes these when it makes its next map.
+        """
         if not self._shares:
             return None
         due, self._due = [i for i in self._due if i in working], []

@@ -163,7 +163,9 @@ class Mission:
             exposed = [self._sensors.expose(shot) for shot in shots if takes[shot.uav]]
         with self.clock.measure("detection"):
             frames = [shot.frame(self._sensors.cameras[shot.uav]) for shot in exposed if shot.rendered]
-            faults += [Fault(time, i, f"mapper: {error}", error.trace) for i, error in self.beliefs.observe(frames)]
+            faults += [
+                Fault(time, i, f"mapper: {error}", error.trace) for i, error in self.beliefs.observe(time, frames)
+            ]
             forests = [self.beliefs.believed(shot.uav) for shot in shots]
             taken = iter(self._sensors.read_all([replace(shot, forest=forests[shot.uav]) for shot in exposed]))
         readings = [
@@ -177,7 +179,7 @@ class Mission:
         with self.clock.measure("tracking"):
             scans = {i: reading.scan for i, reading in enumerate(readings) if takes[i]}
             tracks, sent = self._knowledge.track(time, scans, links, self._working)
-            told = self.beliefs.share(time, links, self._working, self._knowledge.trackers.relay)
+            map_bytes = self.beliefs.share(time, links, self._working, self._knowledge.trackers.relay)
         if self._working and self.scenario.decides(k):
             with self.clock.measure("tracking"):
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
@@ -206,7 +208,7 @@ class Mission:
             matched=np.array([reading.matched for reading in readings]),
             contacts=self._world.take_contacts(),
             bytes_sent=sent,
-            map_bytes=told,
+            map_bytes=map_bytes,
             plan_bytes=np.zeros(len(bodies), dtype=np.int64),
             plan_rounds=0,
             faults=tuple(faults),

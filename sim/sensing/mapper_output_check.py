@@ -1,5 +1,7 @@
 """Validates the maps of plug-in mappers for trackers, planners and recordings."""
 
+from dataclasses import astuple
+
 import numpy as np
 
 from tracking.geometry.visibility import Tree
@@ -7,10 +9,11 @@ from tracking.mapping.mapper import COVERED, OPEN, UNSEEN, MappedTree, SeenGroun
 from tracking.plugins.plugin_error import Unusable, plugin_call
 from tracking.plugins.result_check import Form, check_kind
 
-_SIZES = ("x", "y", "canopy_radius", "canopy_base", "canopy_top")
 _FORMS = {
-    "sizes": Form((len(_SIZES),), farthest=1e6, unit="m"),
-    "covariances": Form((len(_SIZES), len(_SIZES)), definite=True, unit="m²"),
+    "sizes": Form(
+        (6,), farthest=1e6, unit="m"
+    ),  # the fields of a `Tree` but for its leaves, as mapped trees are opaque
+    "covariances": Form((5, 5), definite=True, unit="m²"),
     "existence": Form(),
     "rim": Form(),
 }
@@ -26,7 +29,7 @@ def read_map(mapper: object) -> tuple[tuple[MappedTree, ...], SeenGround]:
 
 
 def check_trees(given: object) -> tuple[MappedTree, ...]:
-    """Trees with numbers that can be used; `Unusable` says what is wrong."""
+    """New trees with numbers that can be used; `Unusable` says what is wrong."""
     if not isinstance(given, (tuple, list)):
         raise Unusable(f"trees are no tuple or list but of type {type(given).__name__}")
     if len(given) > _MOST_TREES:
@@ -35,30 +38,34 @@ def check_trees(given: object) -> tuple[MappedTree, ...]:
         check_kind("a tree", tree, MappedTree)
         check_kind("its tree", tree.tree, Tree)
     rows = {
-        "sizes": [[getattr(each.tree, name) for name in _SIZES] for each in given],
+        "sizes": [astuple(each.tree)[:6] for each in given],
         "covariances": [each.covariance for each in given],
         "existence": [each.existence for each in given],
         "rim": [each.rim for each in given],
     }
     empty = {name: np.zeros((0, *form.axes)) for name, form in _FORMS.items()}
     found = {name: form.check(name, rows[name] or empty[name], len(given)) for name, form in _FORMS.items()}
-    sizes = found["sizes"]
-    if np.any(sizes[:, 2] <= 0.0) or np.any(sizes[:, 3] < 0.0) or np.any(sizes[:, 3] > sizes[:, 4]):
-        raise Unusable("trees have no radius above 0, or a base below 0 or above the top")
-    if np.any((found["existence"] < 0.0) | (found["existence"] > 1.0) | (found["rim"] < 0.0) | (found["rim"] > 1.0)):
+    sizes, existence, rims = found["sizes"], found["existence"], found["rim"]
+    if np.any(sizes[:, 2] <= 0.0) or np.any(sizes[:, 5] < 0.0):
+        raise Unusable("trees have no radius above 0, or a trunk with one below 0")
+    if np.any(sizes[:, 3] < 0.0) or np.any(sizes[:, 3] > sizes[:, 4]):
+        raise Unusable("trees have a base below 0 or above the top")
+    if np.any((existence < 0.0) | (existence > 1.0) | (rims < 0.0) | (rims > 1.0)):
         raise Unusable("existence and rim are not from 0 to 1")
-    return tuple(given)
+    parts = zip(sizes.tolist(), found["covariances"], existence.tolist(), rims.tolist(), strict=True)
+    return tuple(MappedTree(Tree(*size), covariance, likely, rim) for size, covariance, likely, rim in parts)
 
 
 def check_ground(given: object) -> SeenGround:
-    """Ground with states that there are; `Unusable` says what is wrong."""
+    """New ground with states that there are; `Unusable` says what is wrong."""
     check_kind("ground", given, SeenGround)
     assert isinstance(given, SeenGround)
     states = np.asarray(given.states)
     whole = states.ndim == 2 and states.dtype.kind in "iu" and states.size <= _MOST_CELLS
     if not whole or states.min(initial=UNSEEN) < UNSEEN or states.max(initial=OPEN) > COVERED:
         raise Unusable(f"states are no table of 0, 1 and 2, of at most {_MOST_CELLS} cells")
-    Form((3,), farthest=1e6, unit="m").check("corner and cell", [*given.corner, given.cell])
-    if not given.cell > 0.0:
-        raise Unusable(f"cell is {given.cell}, not above 0 m")
-    return given
+    place = Form((3,), farthest=1e6, unit="m").check("corner and cell", [*given.corner, given.cell])
+    west, south, cell = place.tolist()
+    if not cell > 0.0:
+        raise Unusable(f"cell is {cell}, not above 0 m")
+    return SeenGround((west, south), cell, states.astype(np.uint8))

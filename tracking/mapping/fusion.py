@@ -46,22 +46,25 @@ def fuse_maps(maps: Sequence[TreeMap]) -> TreeMap:
     have open ground there. Ground is open if one map has it open. Each map has to be of its own UAV's frames alone;
     then nothing is counted twice.
     """
-    trees, ground = list(maps[0].trees), maps[0].ground
-    for other in maps[1:]:
-        pairs = _pair(trees, other.trees)
-        joined = {b: _join(trees[a], other.trees[b]) for a, b in pairs}
-        alone = {a for a in range(len(trees))} - {a for a, _ in pairs}
-        trees = [
-            *(_doubt(trees[a], other.ground) for a in sorted(alone)),
-            *(joined[b] if b in joined else _doubt(tree, ground) for b, tree in enumerate(other.trees)),
+    found: list[tuple[MappedTree, set[int]]] = []  # trees, each with the maps that have it
+    for n, other in enumerate(maps):
+        pairs = dict(_pair([tree for tree, _ in found], other.trees))
+        found = [
+            (_join(tree, other.trees[pairs[a]]), {*having, n}) if a in pairs else (tree, having)
+            for a, (tree, having) in enumerate(found)
         ]
-        values, new = ground.values, other.ground.values
-        ground = ground._replace(values=np.where(np.isnan(values), new, np.fmax(values, new)))
-    trees = [tree for tree in trees if tree.existence >= _LIKELY]
-    values = ground.values.copy()
+        matched = set(pairs.values())
+        found += [(tree, {n}) for b, tree in enumerate(other.trees) if b not in matched]
+    doubted = [
+        _doubt(tree, [other.ground for n, other in enumerate(maps) if n not in having]) for tree, having in found
+    ]
+    trees = [tree for tree in doubted if tree.existence >= _LIKELY]
+    values = np.full(maps[0].ground.values.shape, np.nan)
+    for other in maps:
+        values = np.fmax(values, other.ground.values)
     for tree in trees:
-        values[_below(tree.tree, ground)] = 0.0
-    return TreeMap(tuple(trees), ground._replace(values=values))
+        values[_below(tree.tree, maps[0].ground)] = 0.0
+    return TreeMap(tuple(trees), maps[0].ground._replace(values=values))
 
 
 def _list_sizes(trees: Sequence[MappedTree]) -> Array:
@@ -71,7 +74,7 @@ def _list_sizes(trees: Sequence[MappedTree]) -> Array:
 
 
 def _pair(ours: Sequence[MappedTree], others: Sequence[MappedTree]) -> list[tuple[int, int]]:
-    """Pairs of trees of two maps that are one tree."""
+    """Pairs of indices of trees of two maps that are one tree: near to each other, or within the gate."""
     if not ours or not others:
         return []
     one, other = _list_sizes(ours), _list_sizes(others)
@@ -95,7 +98,11 @@ def _find_distances(ours: Sequence[MappedTree], others: Sequence[MappedTree]) ->
 
 
 def _join(one: MappedTree, other: MappedTree) -> MappedTree:
-    """One tree of two that are the same; if they contradict each other, what the one with the longer rim says."""
+    """One tree of two estimates of it, or the one of which more of the rim was seen if they are beyond the gate.
+
+    With covariances P and Q (5, 5) m² and sizes x and y (5,) m the result has (P⁻¹ + Q⁻¹)⁻¹ and the mean of x and y
+    that is weighted by P⁻¹ and Q⁻¹: the fusion of independent estimates.
+    """
     odds = _find_odds(one) * _find_odds(other)
     longer = max(one, other, key=lambda tree: tree.rim * tree.tree.canopy_radius)
     existence = odds / (1.0 + odds)
@@ -103,11 +110,11 @@ def _join(one: MappedTree, other: MappedTree) -> MappedTree:
         return replace(longer, existence=existence)
     ours, theirs = inverses(np.stack([one.covariance, other.covariance]))
     covariance = inverses((ours + theirs)[None])[0]
-    (own, told), fused = _list_sizes([one, other]), np.zeros(5)
+    (own, other_sizes), fused = _list_sizes([one, other]), np.zeros(5)
     for p in range(5):
         for q in range(5):
             for r in range(5):
-                fused[p] += covariance[p, q] * (ours[q, r] * own[r] + theirs[q, r] * told[r])
+                fused[p] += covariance[p, q] * (ours[q, r] * own[r] + theirs[q, r] * other_sizes[r])
     x, y, radius, base, top = fused.tolist()
     tree = replace(
         one.tree, x=x, y=y, canopy_radius=max(radius, 0.1), canopy_base=max(min(base, top), 0.0), canopy_top=top
@@ -119,13 +126,15 @@ def _find_odds(tree: MappedTree) -> float:
     return tree.existence / max(1.0 - tree.existence, 1e-12)
 
 
-def _doubt(tree: MappedTree, ground: Raster) -> MappedTree:
-    """A tree as one knows it who saw the ground, but not the tree: less likely if most of its place is open."""
-    values = ground.values[_below(tree.tree, ground)]
-    if len(values) == 0 or np.count_nonzero(values == 1.0) <= 0.5 * len(values):
-        return tree
-    odds = _OVERLOOKED * _find_odds(tree)
-    return replace(tree, existence=odds / (1.0 + odds))
+def _doubt(tree: MappedTree, grounds: Sequence[Raster]) -> MappedTree:
+    """A tree after its odds are lowered by each map without it in which most of its place is open ground."""
+    odds, doubts = _find_odds(tree), 0
+    for ground in grounds:
+        values = ground.values[_below(tree.tree, ground)]
+        if np.count_nonzero(values == 1.0) > 0.5 * len(values):
+            odds *= _OVERLOOKED
+            doubts += 1
+    return replace(tree, existence=odds / (1.0 + odds)) if doubts else tree
 
 
 def _below(tree: Tree, ground: Raster) -> Flags:

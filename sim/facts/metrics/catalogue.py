@@ -15,6 +15,7 @@ import numpy as np
 from sim.facts.metrics.fleet_facts import (
     SOURCES,
     count_bytes_sent,
+    count_map_bytes,
     count_plan_bytes,
     find_handoffs,
     list_contacts,
@@ -331,8 +332,8 @@ _ENTRIES: dict[str, Metric] = {
     "map.recall": _make_share(
         "seen trees mapped",
         lambda o: _divide_maps(o, lambda maps: (maps.found, maps.seen)),
-        "share of the trees that are on the map of a UAV at the end, of those whose middle it knows to be below no "
-        "tree that it has not seen, over all UAVs",
+        "of the true trees that stand where a UAV excludes unknown ones, the share on its map at the end; over all "
+        "UAVs",
         judges=False,
     ),
     "map.false_share": _make_share(
@@ -380,7 +381,7 @@ _ENTRIES: dict[str, Metric] = {
         "plans sent by all UAVs", count_plan_bytes, np.sum, "kB", "bytes of plans that all UAVs send"
     ),
     "network.maps.bytes_total": _make_sent(
-        "maps sent by all UAVs", lambda r: r.map_bytes, np.sum, "kB", "bytes of maps of trees that all UAVs send"
+        "maps sent by all UAVs", count_map_bytes, np.sum, "kB", "bytes of maps of trees that all UAVs send"
     ),
     "network.plans.rounds": _of_flight(
         "rounds of plans", _count_plan_rounds, digits=0, meaning="rounds in which plans are sent at a decision"

@@ -59,6 +59,12 @@ def count_plan_bytes(recording: Recording) -> Indices | None:
     return _select_counted(recording.plan_bytes, recording.working & decides[:, None])
 
 
+def count_map_bytes(recording: Recording) -> Indices | None:
+    """Bytes (K, n) of maps of trees by scan and UAV; None if no UAV could send any."""
+    sent = recording.map_bytes
+    return sent if sent is not None and sent.any() else None
+
+
 def _select_counted(sent: Indices, counted: Flags) -> Indices | None:
     return sent[counted] if counted.any() else None
 

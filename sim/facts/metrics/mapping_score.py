@@ -41,15 +41,15 @@ def compare_maps(recording: Recording) -> MappingScore | None:
 
 
 def tell_unmapped(recording: Recording) -> str:
-    """Which UAVs have not mapped anything by the end, and why, in words; empty if there are none."""
-    last = recording.scan_count - 1
-    unseen = recording.map_unknown if recording.maps is not None else None
+    """Which of the UAVs that still work know of no ground or tree at the end, in words; empty if there are none."""
+    last, unseen = recording.scan_count - 1, recording.map_unknown
     if unseen is None or recording.maps is None:
         return ""
-    uavs = [i for i in range(recording.uav_count) if np.all(unseen[recording.maps[last, i]] > 0.0)]
-    own = "its own camera" if len(uavs) == 1 else "their own cameras"
-    why = f"{own} moved too little for parallax, nor did a map arrive."
-    return f"{list_numbers('UAV', uavs)}: no ground or tree mapped; {why}" if uavs else ""
+    working = np.flatnonzero(recording.working[last]).tolist()
+    uavs = [i for i in working if np.all(unseen[recording.maps[last, i]] > 0.0)]
+    parallax = recording.setting.mapping.mapper == "parallax" and not recording.all_faults
+    why = "; a camera that hardly moves has no parallax" if parallax else ""
+    return f"{list_numbers('UAV', uavs)}: no ground or tree mapped{why}." if uavs else ""
 
 
 def compare_map(believed: Forest, true: Forest) -> MappingScore:

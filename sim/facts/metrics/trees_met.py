@@ -23,12 +23,12 @@ class TreeMet(NamedTuple):
 
 
 def find_trees_met(recording: Recording) -> list[TreeMet]:
-    """The trees that each UAV meets, by UAV and scan; none if all were given one map.
+    """The trees that each UAV meets, by UAV and scan; none if UAVs do not share maps.
 
-    A tree is met at the first frame with any part of the top of its crown, so that what a UAV knows of it before is
-    from others.
+    A tree is met at the first frame with any part of the rims of its crown's base and top, so that what a UAV knows of
+    it before is from others.
     """
-    if recording.maps is None:
+    if recording.maps is None or recording.map_bytes is None:
         return []
     found = []
     for uav in range(recording.uav_count):
@@ -46,16 +46,18 @@ def find_trees_met(recording: Recording) -> list[TreeMet]:
 
 
 def _find_seen(recording: Recording, uav: int) -> Flags:
-    """Mask (K, T) of the trees of which a frame of a UAV has any part of the top's rim in its image."""
+    """Mask (K, T) of the trees of whose crown a frame of a UAV has any part of the rims in its image."""
     forest, camera = recording.forest, recording.setting.uavs[uav].true_camera
-    rims = np.array([_list_rim(*row) for row in forest.canopies[:, [0, 1, 2, 4]].tolist()]).reshape(-1, 3)
+    crowns = forest.canopies[:, :5].tolist()
+    rims = np.array([[_list_rim(x, y, r, z) for z in heights] for x, y, r, *heights in crowns]).reshape(-1, 3)
     poses = recording.cameras[:, uav]
     optics = np.tile(camera.optics.numbers, (len(poses), 1))
     inside = NO_TREES.find_shown(optics, poses[:, :3].copy(), poses[:, 3:].copy(), rims) > 0.0
-    return np.asarray(inside.reshape(len(poses), -1, len(_TURN) + 1).any(axis=2) & recording.frames_taken[:, uav, None])
+    seen = inside.reshape(len(poses), -1, 2 * (len(_TURN) + 1)).any(axis=2)
+    return np.asarray(seen & recording.frames_taken[:, uav, None])
 
 
-def _list_rim(x: float, y: float, radius: float, top: float) -> Array:
-    """Points (N, 3) m of the middle and the rim of a crown's top."""
+def _list_rim(x: float, y: float, radius: float, height: float) -> Array:
+    """Points (N, 3) m of the middle and the rim of a crown at a height [m]."""
     east, north = x + radius * np.append(np.cos(_TURN), 0.0), y + radius * np.append(np.sin(_TURN), 0.0)
-    return np.column_stack([east, north, np.full(len(east), top)])
+    return np.column_stack([east, north, np.full(len(east), height)])

@@ -34,7 +34,7 @@ class Learns:
         deviations = tuple(np.linspace(0.1, 1.0, len(kept)).tolist())
         self.learned = Forest(kept, self.given.occlusion, deviations, unseen, Tree(0.0, 0.0))
 
-    def observe(self, frames):
+    def observe(self, time, frames):
         self.scans += 1
         self.frames += frames
         return ()

@@ -81,9 +81,19 @@ def test_a_fleet_that_was_split_agrees_again_on_maps_of_a_uav_that_has_failed():
     for time in range(5):
         fleet.step(float(time), [(0, 1), (2, 3)])
     assert np.isinf(fleet.ages(4.0)[0, 2:]).all()
-    for time in (5.0, 6.0, 7.0):  # UAV 3 has failed, and only UAV 2 has its last map
+    for time in (5.0, 6.0):  # UAV 3 has failed, and only UAV 2 has its last map
         fleet.step(time, every_pair(3), makers=(0, 1, 2))
     assert [fleet.exchange.maps(i)[3].time for i in range(3)] == [4.0] * 3
+
+
+def test_a_fleet_that_was_split_agrees_after_two_messages_for_each_link_of_a_chain():
+    fleet, chain = Fleet(4), list(pairwise(range(4)))
+    for time in range(5):
+        fleet.step(float(time), [(0, 1), (2, 3)])
+    for time in range(5, 11):
+        fleet.step(float(time), chain)
+        assert (3 in fleet.exchange.maps(0)) == (time >= 8)
+    assert np.all(np.isfinite(fleet.ages(10.0)))
 
 
 def test_a_late_map_does_not_replace_a_newer_one():

@@ -184,12 +184,12 @@ def test_trees_that_a_uav_has_from_others_are_told_when_it_meets_them(flown):
     for uav in range(3):
         camera = recording.setting.uavs[uav].true_camera
         for tree, (x, y) in enumerate(STEMS):
-            rim = np.column_stack([np.array([x, y]) + 4.0 * TURN, np.full(len(TURN), recording.trees[tree, 4])])
+            rims = [np.column_stack([(x, y) + 4.0 * TURN, np.full(100, z)]) for z in recording.trees[tree, 3:5]]
             known = None
             for k, time in enumerate(recording.times):
                 near = any(np.hypot(t.x - x, t.y - y) < 4.0 for t in recording.believed_at(k, uav).trees)
                 known = (time if known is None else known) if near else None
-                pixels, depths = camera.project(recording.camera_at(k, uav), rim)
+                pixels, depths = camera.project(recording.camera_at(k, uav), np.vstack(rims))
                 if np.any(np.all((pixels > 0) & (pixels < camera.size), axis=1) & (depths > 0)):
                     expected[uav, tree] = (k, None if known is None else round(float(time - known), 6))
                     break
@@ -202,6 +202,10 @@ def test_trees_that_a_uav_has_from_others_are_told_when_it_meets_them(flown):
     assert sorted((e.first, *e.uavs) for e in told) == sorted((m.scan, m.uav) for m in ahead)
     assert METRICS["map.known_ahead"](SimpleNamespace(recording=recording)) == pytest.approx(len(ahead) / len(met))
     assert len(ahead) > 0
+    alone = dataclasses.replace(recording, map_bytes=None)
+    assert find_trees_met(alone) == [] and METRICS["map.known_ahead"](SimpleNamespace(recording=alone)) is None
+    assert METRICS["network.maps.bytes_total"](SimpleNamespace(recording=alone)) is None
+    assert METRICS["network.maps.bytes_total"](SimpleNamespace(recording=recording)) == recording.map_bytes.sum()
 
 
 ODD = {
@@ -225,7 +229,7 @@ def test_odd_flights_map_what_they_can_and_say_what_they_cannot(case):
     score, told = compare_maps(recording), tell_unmapped(recording)
     assert score.mapped - len(score.distances) <= max(1, 0.1 * score.mapped) and recording.all_faults == ()
     if case == "hover":
-        assert told.startswith("UAVs 0, 1 and 2: no ground or tree mapped; their own cameras moved too little")
+        assert told == "UAVs 0, 1 and 2: no ground or tree mapped; a camera that hardly moves has no parallax."
         assert score.mapped == score.seen == 0
     else:
         assert told == ""

@@ -56,6 +56,30 @@ class Odd(ParallaxMapper):
         return SeenGround((0.0, 0.0), 1.0, np.full((3, 3), 7))
 
 
+class Listing(ParallaxMapper):
+    """Gives lists for arrays."""
+
+    def trees(self):
+        return [replace(found, covariance=found.covariance.tolist()) for found in super().trees()]
+
+    def ground(self):
+        found = super().ground()
+        return replace(found, states=found.states.tolist() or np.zeros((0, 0), dtype=np.uint8))
+
+
+class Eager(ParallaxMapper):
+    """Cannot be asked before the first frame."""
+
+    frames = 0
+
+    def add(self, frame):
+        super().add(frame)
+        self.frames += 1
+
+    def trees(self):
+        return super().trees() if self.frames else 1 / 0
+
+
 class Blind(ParallaxMapper):
     def trees(self):
         return ()
@@ -96,6 +120,7 @@ class Random(ParallaxMapper):
 
 BROKEN = {
     Raising: {"map": "RuntimeError: two lines"},
+    Eager: {"map": "ZeroDivisionError"},
     Silent: {"map": "trees are no tuple or list but of type NoneType"},
     Bare: {"map": "a tree: Tree is no tracking.mapping.mapper.MappedTree"},
     Upside: {"map": "a base below 0 or above the top"},
@@ -114,12 +139,12 @@ def named(kind):
     return f"{__name__}:{kind.__name__}"
 
 
-@pytest.mark.parametrize("name", ["parallax", named(Good)])
+@pytest.mark.parametrize("name", ["parallax", named(Good), named(Listing)])
 def test_good_mappers_conform(name):
     findings = check_mapper(name)
     assert [str(f) for f in findings if not f.passed] == []
     assert "6 of 6 within 1 m, 0 that are none" in str(findings[1]) and "0 trees" in str(findings[2])
-    assert ("it writes into frame.image" in str(findings[0])) == (name != "parallax")
+    assert ("it writes into frame.image" in str(findings[0])) == (name == named(Good))
 
 
 @pytest.mark.parametrize("kind", BROKEN)
@@ -141,19 +166,29 @@ def test_the_command_prints_a_line_per_check_and_exits_with_1(monkeypatch, capsy
 
 
 class Failing(ParallaxMapper):
-    """Fails once there is a tree."""
+    """Fails after two seconds."""
 
-    def trees(self):
-        found = super().trees()
-        if found:
+    def ground(self):
+        if self._views and self._views[-1][0] > 2.0:
             raise ValueError("no memory left")
-        return found
+        return super().ground()
 
 
-def test_a_mapper_that_fails_in_flight_is_a_fault_and_its_uav_keeps_its_map():
-    settings = ["mapping.forest=mapped", f"mapping.mapper={named(Failing)}", "trees.density=75", "mapping.share=false"]
+def test_a_mapper_that_fails_in_flight_is_a_fault_and_its_uav_goes_on_with_its_last_map_and_those_of_others():
+    settings = ["mapping.forest=mapped", f"mapping.mapper={named(Failing)}", "trees.density=75"]
+    mission, snapshots = fly(*settings, "mapping.share=false", planner="greedy", seed=3, duration=6)
+    alone = mission.beliefs.believed(0)
+    assert len(snapshots) == 31 and np.any(alone.unknown.values == 0.0)
+    assert sum("mapper: ValueError: no memory left" in fault.message for fault in mission.faults) >= 6
     mission, snapshots = fly(*settings, planner="greedy", seed=3, duration=6)
-    assert len(snapshots) == 31 and all(not mission.beliefs.believed(uav).trees for uav in range(3))
-    assert any("mapper: ValueError: no memory left" in fault.message for fault in mission.faults)
-    with pytest.raises(InputError, match=r'mapping.mapper: "?.*package.module:Class'):
+    together = mission.beliefs.believed(0)
+    assert np.count_nonzero(together.unknown.values) < np.count_nonzero(alone.unknown.values)
+    assert all(snapshot.map_bytes.all() for snapshot in snapshots[5::5])  # once a second
+    with pytest.raises(InputError, match=r"mapping.mapper: .*parallax"):
         load_scenario("forest", ["mapping.mapper=paralax"])
+
+
+def test_a_mapper_of_lists_flies():
+    settings = ["mapping.forest=mapped", f"mapping.mapper={named(Listing)}", "trees.density=75"]
+    mission, _ = fly(*settings, planner="greedy", seed=3, duration=6)
+    assert mission.faults == [] and any(mission.beliefs.believed(uav).trees for uav in range(3))

@@ -1,5 +1,7 @@
 """Maps of several UAVs fused into one: closed forms, and draws of what they would have measured."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,16 @@ def test_the_order_of_maps_does_not_matter():
     one, other = (sorted(sizes(tree).tolist() for tree in fuse_maps(order).trees) for order in (maps, maps[::-1]))
     np.testing.assert_allclose(one, other, rtol=1e-9)
     assert len(one) == 3
+
+
+@pytest.mark.parametrize("opens", [1, 2])
+def test_each_map_that_has_open_ground_where_a_tree_stands_lowers_its_odds_once_in_any_order(opens):
+    tree = mapped(0.0, 0.0, existence=0.9999)
+    maps = [TreeMap((tree,), seen()), *(TreeMap((), seen(1.0)) for _ in range(opens)), TreeMap((), seen())]
+    odds = 0.9999 / 0.0001 * 0.02**opens
+    for order in permutations(maps):
+        (found,) = fuse_maps(order).trees
+        assert found.existence == pytest.approx(odds / (1 + odds), rel=1e-9)
 
 
 def test_of_two_that_contradict_each_other_the_better_seen_one_stays():
