@@ -41,8 +41,9 @@ class MappedForests:
         self._shares = scenario.mapping.share
         self._made = 0.0  # s, time of the last maps
         self._due: list[int] = []  # UAVs that have to send their maps
-        for uav in range(len(scenario.uavs)):
-            self._make_map(uav, 0.0)
+        with MAPPERS.errors(scenario.mapping.mapper, "be asked before the first frame"):
+            for uav in range(len(scenario.uavs)):
+                self._make_map(uav, 0.0)
         self._forests = [self._believe(uav) for uav in range(len(scenario.uavs))]
 
     def observe(self, time: float, frames: Sequence[Frame]) -> Sequence[tuple[int, PluginError]]:

@@ -1,5 +1,6 @@
 """`understory check-mapper`: ours conforms, each broken mapper fails the check that fits, and missions go on."""
 
+import re
 import sys
 from dataclasses import replace
 
@@ -192,3 +193,12 @@ def test_a_mapper_of_lists_flies():
     settings = ["mapping.forest=mapped", f"mapping.mapper={named(Listing)}", "trees.density=75"]
     mission, _ = fly(*settings, planner="greedy", seed=3, duration=6)
     assert mission.faults == [] and any(mission.beliefs.believed(uav).trees for uav in range(3))
+
+
+def test_a_mapper_that_cannot_be_asked_before_the_first_frame_is_refused_in_one_line():
+    with pytest.raises(InputError) as error:
+        fly("mapping.forest=mapped", f"mapping.mapper={named(Eager)}", planner="hover", duration=1)
+    words = (
+        r"mapping.mapper: '.*:Eager' cannot be asked before the first frame: ZeroDivisionError: .* \(.* in trees\)"
+    )
+    assert re.fullmatch(words, str(error.value))
