@@ -198,7 +198,5 @@ def test_a_mapper_of_lists_flies():
 def test_a_mapper_that_cannot_be_asked_before_the_first_frame_is_refused_in_one_line():
     with pytest.raises(InputError) as error:
         fly("mapping.forest=mapped", f"mapping.mapper={named(Eager)}", planner="hover", duration=1)
-    words = (
-        r"mapping.mapper: '.*:Eager' cannot be asked before the first frame: ZeroDivisionError: .* \(.* in trees\)"
-    )
+    words = r"mapping.mapper: '.*:Eager' cannot be asked before the first frame: ZeroDivisionError: .* \(.* in trees\)"
     assert re.fullmatch(words, str(error.value))
